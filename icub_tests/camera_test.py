@@ -14,10 +14,10 @@ from rtf.errors import RtfError
 from rtf.middleware.types import IMAGE
 from rtf.robot.client.frame_grabber import FrameGrabberClient
 from rtf.robot_testing import MotionGuard, Part, likely_causes
-from rtf.robot_testing.png import png
-from rtf.robot_testing.simulated import is_simulated
-from rtf.robot_testing.stream_statistics import within
+from rtf.robot_testing.guard.simulated import is_simulated
+from rtf.robot_testing.judging.png import png
 from rtf.robot_testing.stream_test import RateTest
+from rtf.robot_testing.streams.stream_statistics import within
 from rtf.testing import Parameter
 from rtf.testing.verdict import MeasurementVerdict
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from rtf.middleware.types import Image
-    from rtf.robot_testing.port_recorder import Message
+    from rtf.robot_testing.streams.port_recorder import Message
 
 #: Angle and speed of the simulated eyes' motion that changes the picture, deg and deg/s; and the speed beyond which
 #: each picture has to differ: a third of a pixel (60 deg in 320) in the 33 ms between two.

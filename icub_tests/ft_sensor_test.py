@@ -10,15 +10,15 @@ from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import SensorCategory
 from rtf.robot.model.errors import MissingPackageError
 from rtf.robot_testing import likely_causes
-from rtf.robot_testing.ft_sensor_loads import WeightModel, parts_above, place_of
+from rtf.robot_testing.judging.ft_sensor_loads import WeightModel, parts_above, place_of
 from rtf.robot_testing.robot_name import robot_model
-from rtf.robot_testing.sensor_streams import MEASURES, names_of, readings_of, sensors_in
 from rtf.robot_testing.stream_test import RateTest
+from rtf.robot_testing.streams.sensor_streams import MEASURES, names_of, readings_of, sensors_in
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
-    from rtf.robot_testing.stream_statistics import Stream
+    from rtf.robot_testing.streams.stream_statistics import Stream
 
 _CHANNELS = 6
 _NAMES = ("force x", "force y", "force z", "torque x", "torque y", "torque z")

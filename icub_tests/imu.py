@@ -13,14 +13,14 @@ from rtf.robot.control_modes import ControlMode
 from rtf.robot.interfaces import SensorCategory
 from rtf.robot.sensor_message import SENSOR_MESSAGE
 from rtf.robot_testing import Safety, likely_causes
-from rtf.robot_testing.kinematics import rotation_of, rotation_vector
-from rtf.robot_testing.orientations import each_once, sure_turn, turns_of, vertical_turn
-from rtf.robot_testing.robot_description import read_description
+from rtf.robot_testing.judging.kinematics import rotation_of, rotation_vector
+from rtf.robot_testing.judging.orientations import each_once, sure_turn, turns_of, vertical_turn
+from rtf.robot_testing.judging.robot_description import read_description
+from rtf.robot_testing.motion.start_position import late_joints
 from rtf.robot_testing.robot_name import robot_model
-from rtf.robot_testing.sensor_streams import MEASURES, sensors_of
-from rtf.robot_testing.start_position import late_joints
-from rtf.robot_testing.stream_statistics import stream_of
 from rtf.robot_testing.stream_test import StreamTest
+from rtf.robot_testing.streams.sensor_streams import MEASURES, sensors_of
+from rtf.robot_testing.streams.stream_statistics import stream_of
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Part, Trace
-    from rtf.robot_testing.kinematics import KinematicModel
-    from rtf.robot_testing.port_recorder import Message
+    from rtf.robot_testing.judging.kinematics import KinematicModel
+    from rtf.robot_testing.streams.port_recorder import Message
 
 _GRAVITY = 9.81
 _SHARE = 0.8  # share of the commanded motion that is required

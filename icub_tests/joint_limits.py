@@ -9,17 +9,17 @@ import numpy as np
 
 from rtf.robot.interfaces import PidType
 from rtf.robot_testing import Safety, likely_causes
-from rtf.robot_testing.guard import GuardError
-from rtf.robot_testing.joint_queues import queues
+from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.joints_test import JointsTest, command_at
+from rtf.robot_testing.motion.joint_queues import queues
+from rtf.robot_testing.motion.routines import run_queues
 from rtf.robot_testing.parameter_checks import swapped_limits
-from rtf.robot_testing.routines import run_queues
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import Pid
     from rtf.robot_testing import Trace
-    from rtf.robot_testing.routines import Routine
+    from rtf.robot_testing.motion.routines import Routine
 
 #: A joint is at rest if it has moved by less than this (deg) for so long (s); the second time is for a joint short of
 #: its target, whose integral may still be growing.

@@ -9,10 +9,10 @@ import numpy as np
 
 from rtf.errors import RtfError
 from rtf.robot_testing import likely_causes
-from rtf.robot_testing.kinematics import rotation_vector
-from rtf.robot_testing.robot_description import read_description
+from rtf.robot_testing.judging.kinematics import rotation_vector
+from rtf.robot_testing.judging.robot_description import read_description
+from rtf.robot_testing.judging.simulated_kinematics import SimulatedKinematics
 from rtf.robot_testing.robot_name import robot_model
-from rtf.robot_testing.simulated_kinematics import SimulatedKinematics
 from rtf.testing import Parameter, TestCase
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from rtf.robot_testing.duty_test import DutyTest, Steps
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
-    from rtf.robot_testing.duty_ramp import Ramp
     from rtf.robot_testing.duty_test import BothWays
+    from rtf.robot_testing.motion.duty_ramp import Ramp
 
 #: Share of the threshold that both encoders have to show: there may be play between them.
 _SHARE = 0.25

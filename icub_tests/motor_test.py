@@ -9,8 +9,8 @@ import numpy as np
 
 from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.joints_test import JointsTest
-from rtf.robot_testing.real_time_checks import loop_delay
-from rtf.robot_testing.step_response import step_response
+from rtf.robot_testing.judging.real_time_checks import loop_delay
+from rtf.robot_testing.judging.step_response import step_response
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import numpy as np
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import Limits, Safety, likely_causes
 from rtf.robot_testing.joints_test import JointsTest
-from rtf.robot_testing.real_time_checks import loop_delay
+from rtf.robot_testing.judging.real_time_checks import loop_delay
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:

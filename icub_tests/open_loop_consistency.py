@@ -8,8 +8,8 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import Limits, Safety, likely_causes
+from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.joints_test import JointsTest
-from rtf.robot_testing.transmission import Transmission
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:

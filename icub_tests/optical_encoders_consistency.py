@@ -9,19 +9,19 @@ import numpy as np
 
 from rtf.robot.errors import RobotError
 from rtf.robot_testing import Safety, fit_line, likely_causes
-from rtf.robot_testing.joint_swings import JointSwinger, Outcome, ends_of
-from rtf.robot_testing.joints_out_of_limits import exclude_joints_out_of_limits
+from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.joints_test import JointsTest
+from rtf.robot_testing.motion.joint_swings import JointSwinger, Outcome, ends_of
+from rtf.robot_testing.motion.joints_out_of_limits import exclude_joints_out_of_limits
+from rtf.robot_testing.motion.part import PACE
+from rtf.robot_testing.motion.routines import one_at_a_time, run_queues, until
 from rtf.robot_testing.parameter_checks import joint_count
-from rtf.robot_testing.part import PACE
-from rtf.robot_testing.routines import one_at_a_time, run_queues, until
-from rtf.robot_testing.transmission import Transmission
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Trace
-    from rtf.robot_testing.routines import Routine
+    from rtf.robot_testing.motion.routines import Routine
 
 #: Least motion of a joint's encoder that counts as a swing, deg.
 _SWUNG = 1.0

@@ -9,10 +9,10 @@ import numpy as np
 
 from rtf.robot.errors import RobotError
 from rtf.robot_testing import Safety, fit_line, likely_causes
-from rtf.robot_testing.joint_swings import JointSwinger, Outcome, ends_of
-from rtf.robot_testing.joints_out_of_limits import exclude_joints_out_of_limits
+from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.joints_test import JointsTest
-from rtf.robot_testing.transmission import Transmission
+from rtf.robot_testing.motion.joint_swings import JointSwinger, Outcome, ends_of
+from rtf.robot_testing.motion.joints_out_of_limits import exclude_joints_out_of_limits
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from rtf.testing import Parameter
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray, Pid
     from rtf.robot_testing import Trace
-    from rtf.robot_testing.routines import Routine
+    from rtf.robot_testing.motion.routines import Routine
 
 
 class PositionControlAccuracy(StepTest):

@@ -11,12 +11,12 @@ from rtf.robot.control_modes import ControlMode
 from rtf.robot.extended_state import Field
 from rtf.robot.interfaces import PidType
 from rtf.robot_testing import Safety
-from rtf.robot_testing.checked_values import CheckedValue
 from rtf.robot_testing.coupled_step_test import CoupledStepTest
-from rtf.robot_testing.guard import GuardError
-from rtf.robot_testing.pid import DiscretePid
-from rtf.robot_testing.real_time_checks import command_delay
-from rtf.robot_testing.simulated import is_simulated
+from rtf.robot_testing.guard.limits import GuardError
+from rtf.robot_testing.guard.simulated import is_simulated
+from rtf.robot_testing.judging.checked_values import CheckedValue
+from rtf.robot_testing.judging.real_time_checks import command_delay
+from rtf.robot_testing.motion.pid import DiscretePid
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Part, Trace
-    from rtf.robot_testing.routines import Routine
+    from rtf.robot_testing.motion.routines import Routine
     from rtf.robot_testing.step_test import Cycle
 
 #: Ratio of the bandwidth of the board's loop to that of the loop over the network, whose period is 10 ms. A slower loop

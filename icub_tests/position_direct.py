@@ -9,11 +9,11 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import GuardError, RobotTest, Safety, delay_between, likely_causes
-from rtf.robot_testing.checked_values import CheckedValue, judge_values
-from rtf.robot_testing.periodic_loop import ticks
-from rtf.robot_testing.real_time_checks import loop_delay
-from rtf.robot_testing.sine import RampedSine, fit_sine
-from rtf.robot_testing.start_position import bring, late_joints, starting_point
+from rtf.robot_testing.judging.checked_values import CheckedValue, judge_values
+from rtf.robot_testing.judging.real_time_checks import loop_delay
+from rtf.robot_testing.judging.sine import RampedSine, fit_sine
+from rtf.robot_testing.motion.periodic_loop import ticks
+from rtf.robot_testing.motion.start_position import bring, late_joints, starting_point
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:

@@ -9,16 +9,16 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode, mode_word
 from rtf.robot_testing import Safety, likely_causes
-from rtf.robot_testing.guard import GuardError
+from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.joints_test import JointsTest, command_at
-from rtf.robot_testing.part import PACE
-from rtf.robot_testing.routines import one_at_a_time, pause, run_queues
+from rtf.robot_testing.motion.part import PACE
+from rtf.robot_testing.motion.routines import one_at_a_time, pause, run_queues
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Trace
-    from rtf.robot_testing.routines import Routine
+    from rtf.robot_testing.motion.routines import Routine
 
 
 class PositionStress(JointsTest):

@@ -9,9 +9,9 @@ import numpy as np
 from rtf.bottle import Bottle
 from rtf.robot.interfaces import SensorCategory
 from rtf.robot_testing import likely_causes
-from rtf.robot_testing.sensor_streams import channels_of, readings_of
-from rtf.robot_testing.stream_statistics import stream_of
 from rtf.robot_testing.stream_test import StreamTest
+from rtf.robot_testing.streams.sensor_streams import channels_of, readings_of
+from rtf.robot_testing.streams.stream_statistics import stream_of
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:

@@ -8,16 +8,16 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import Safety, likely_causes
-from rtf.robot_testing.checked_values import CheckedValue
 from rtf.robot_testing.coupled_step_test import CoupledStepTest
-from rtf.robot_testing.step_response import largest
+from rtf.robot_testing.judging.checked_values import CheckedValue
+from rtf.robot_testing.judging.step_response import largest
 from rtf.robot_testing.torque_control import greatest_torque, holding_torques, torque_joints
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Part, Trace
-    from rtf.robot_testing.routines import Routine
+    from rtf.robot_testing.motion.routines import Routine
     from rtf.robot_testing.step_test import Cycle
 
 #: Time of measuring the torque that holds a joint, s.

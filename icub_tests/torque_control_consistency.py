@@ -8,11 +8,11 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import GuardError, RobotTest, Safety, likely_causes
-from rtf.robot_testing.part import PACE
-from rtf.robot_testing.routines import run_to_end
-from rtf.robot_testing.start_position import bring, hold, starting_point
+from rtf.robot_testing.guard.transmission import Transmission
+from rtf.robot_testing.motion.part import PACE
+from rtf.robot_testing.motion.routines import run_to_end
+from rtf.robot_testing.motion.start_position import bring, hold, starting_point
 from rtf.robot_testing.torque_control import holding_torques, torque_joints
-from rtf.robot_testing.transmission import Transmission
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:

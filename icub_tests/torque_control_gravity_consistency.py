@@ -8,16 +8,16 @@ import numpy as np
 
 from rtf.robot.model.errors import MissingPackageError
 from rtf.robot_testing import RobotTest, Safety, fit_line, likely_causes
-from rtf.robot_testing.gravity import GravityModel
+from rtf.robot_testing.judging.gravity import GravityModel
+from rtf.robot_testing.motion.start_position import bring, hold
 from rtf.robot_testing.robot_name import robot_model
-from rtf.robot_testing.start_position import bring, hold
 from rtf.robot_testing.torque_control import greatest_torque, mean_torques, torque_joints
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Part
-    from rtf.robot_testing.statistics import Fit
+    from rtf.robot_testing.judging.statistics import Fit
 
 #: The parts of an iCub: the postures of all parts determine the torques.
 _PARTS = ("head", "torso", "left_arm", "right_arm", "left_leg", "right_leg")

@@ -9,10 +9,10 @@ import numpy as np
 
 from rtf.robot.control_modes import InteractionMode
 from rtf.robot_testing import GuardError, RobotTest, Safety, fit_line, likely_causes
-from rtf.robot_testing.simulated import is_simulated
-from rtf.robot_testing.start_position import bring, hold, starting_point
+from rtf.robot_testing.guard.simulated import is_simulated
+from rtf.robot_testing.guard.transmission import Transmission
+from rtf.robot_testing.motion.start_position import bring, hold, starting_point
 from rtf.robot_testing.torque_control import greatest_torque, torque_joints
-from rtf.robot_testing.transmission import Transmission
 from rtf.simulator.control_client import SimulatorControl
 from rtf.testing import Parameter
 

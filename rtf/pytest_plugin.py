@@ -6,13 +6,13 @@ nothing until a suite file is collected; the rest is in :mod:`rtf.pytest_suites`
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from rtf.pytest_suites.nodes import SuiteFile
 
 #: Reports of pytest-xdist workers to their session: lines of the summary, and whether one had an internal error.
@@ -74,17 +74,14 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> SuiteFile 
 
     if not is_suite(file_path):
         return None
+    from rtf.pytest_suites.hooks import register_hooks
     from rtf.pytest_suites.nodes import SuiteFile
 
+    register_hooks(config)
     return SuiteFile.from_parent(parent, path=file_path)
 
 
 # Where pytest-xdist has workers run the tests -------------------------------------------------------------------------
-
-
-def lock_file(session: str) -> Path:
-    """Return the lock file by which the workers of a session share fixtures; its name cannot be guessed."""
-    return Path(tempfile.gettempdir()) / f"rtf-fixtures-{session}.lock"
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -118,4 +115,6 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
 def pytest_unconfigure(config: pytest.Config) -> None:
     """Remove the lock file when all workers have ended."""
     if _XDIST_SESSION in config.stash:
+        from rtf.pytest_suites.locks import lock_file
+
         lock_file(config.stash[_XDIST_SESSION]).unlink(missing_ok=True)

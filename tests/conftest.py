@@ -23,7 +23,7 @@ if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
 _HERE = Path(__file__).parent
 #: The files that take longest, the longest first: begun at the end, one of them would have all other processes wait.
 _LONGEST = (
-    "robot_testing/test_proof_fast.py",
+    "robot_testing/proof/test_proof_fast.py",
     "fixtures/test_robot.py",
     "testing/supervision/test_supervisor.py",
     "docs/test_snippets.py",

@@ -339,7 +339,7 @@ def _look(network: Network, runs: Path) -> str:
         return "  no picture: this machine cannot make any; see rtf simulator --cameras yes"
     from rtf.bottle import Property
     from rtf.robot.client.frame_grabber import FrameGrabberClient
-    from rtf.robot_testing.png import png
+    from rtf.robot_testing.judging.png import png
 
     eye = FrameGrabberClient("eye", network=network)
     eye.open(Property({"local": "/demo/eye", "remote": f"/{_ROBOT}/cam/left", "no_stream": 1}))

@@ -100,7 +100,7 @@ def _resume(options: argparse.Namespace, words: Sequence[str]) -> int:
     from rtf.cli import running
     from rtf.cli.arguments import build_parser, parse_run
     from rtf.cli.planning import fingerprints, make_plan, said_of_changes
-    from rtf.robot_testing.ledger import MotionLedger
+    from rtf.robot_testing.guard.motion_record import MotionRecord
     from rtf.testing.journal import results_of
 
     folder = Path(options.resume).resolve()
@@ -128,7 +128,7 @@ def _resume(options: argparse.Namespace, words: Sequence[str]) -> int:
         from rtf.cli.check_plan import refuse
 
         return int(refuse(planned))
-    MotionLedger(folder).record_resume()
+    MotionRecord(folder).record_resume()
     run: RunOptions = running.run_options(original, folder, list(started.command))
     changes = before.plan_changes([suite.id for suite in planned.suites], fingerprints(planned))
     done = before.finished()

@@ -8,13 +8,22 @@ import pytest
 
 from rtf.pytest_suites import verdicts
 from rtf.pytest_suites.nodes import SuiteItem, planned_suites, suite_items
+from rtf.pytest_suites.session import SuiteSession
 from rtf.testing.dispatch import groups_sharing_fixtures
 
 if TYPE_CHECKING:
     from collections.abc import Generator
 
-    from rtf.pytest_suites.session import SuiteSession
     from rtf.testing.suite.model import TestSuite
+
+
+_NAME = "rtf-suites"
+
+
+def register_hooks(config: pytest.Config) -> None:
+    """Register the hooks of a session, unless they are registered."""
+    if not config.pluginmanager.has_plugin(_NAME):
+        config.pluginmanager.register(SuiteHooks(SuiteSession.of(config)), _NAME)
 
 
 class SuiteHooks:

@@ -12,17 +12,23 @@ from __future__ import annotations
 
 import fcntl
 import os
+import tempfile
 from hashlib import blake2b
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
-    from pathlib import Path
 
     from rtf.testing.dispatch import Use
 
 #: Bytes of the hash: an offset in a file fits into 63 bits.
 _HASHED = 7
+
+
+def lock_file(session: str) -> Path:
+    """Return the lock file by which the workers of a session share fixtures; its name cannot be guessed."""
+    return Path(tempfile.gettempdir()) / f"rtf-fixtures-{session}.lock"
 
 
 class FixtureLocks:

@@ -65,7 +65,7 @@ class SuiteFile(pytest.File):
     @property
     def conductor(self) -> Conductor:
         """The conductor of the session."""
-        return self.shared.conductor(self.session)
+        return self.shared.conductor(lambda: planned_suites(self.session.items))
 
     def setup(self) -> None:
         """Make ready for the suite's tests. Fixtures come up with the first test that needs them."""

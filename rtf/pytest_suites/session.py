@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from rtf.pytest_plugin import lock_file
 from rtf.pytest_suites.conductor import Conductor
 from rtf.pytest_suites.listener import Listener
-from rtf.pytest_suites.locks import FixtureLocks
+from rtf.pytest_suites.locks import FixtureLocks, lock_file
 from rtf.pytest_suites.settings import LIVE_PAGE, Settings
 from rtf.testing.journal import FILE_NAME, Journal, make_run_folder
 from rtf.testing.plan import Plan, Planner, load_files
@@ -26,6 +25,8 @@ from rtf.testing.suite.ids import NameBook
 from rtf.testing.suite.model import Timeouts, number_suites
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from rtf.testing.events import Diagnosed
     from rtf.testing.suite.model import TestSuite
 
@@ -56,13 +57,10 @@ class SuiteSession:
 
     @classmethod
     def of(cls, config: pytest.Config) -> SuiteSession:
-        """The one of a session; made, and made known to pytest, when it is first asked for."""
+        """Return the object of a session; the first call makes it."""
         known = config.stash.get(_KEY, None)
         if known is None:
-            from rtf.pytest_suites.hooks import SuiteHooks
-
             known = config.stash[_KEY] = cls(config)
-            config.pluginmanager.register(SuiteHooks(known), "rtf-suites")
         return known
 
     # Collecting --------------------------------------------------------------------------------------------------
@@ -78,11 +76,11 @@ class SuiteSession:
 
     # Running -----------------------------------------------------------------------------------------------------
 
-    def conductor(self, session: pytest.Session) -> Conductor:
-        """The conductor of the session; the first call begins the run."""
+    def conductor(self, planned: Callable[[], list[TestSuite]]) -> Conductor:
+        """The conductor of the session; the first call begins the run of the ``planned`` suites."""
         if self._conductor is None and not self._refused:
             try:
-                self._conductor = self._begin(session)
+                self._conductor = self._begin(planned())
             except OSError as error:
                 self._refused = f"robot tests: {error}"
         if self._conductor is not None:
@@ -102,9 +100,7 @@ class SuiteSession:
         """What keeps other workers from the fixtures that this one has up."""
         return self._locks
 
-    def _begin(self, session: pytest.Session) -> Conductor:
-        from rtf.pytest_suites.nodes import planned_suites
-
+    def _begin(self, suites: list[TestSuite]) -> Conductor:
         settings = self._settings
         folder = make_run_folder(settings.runs.resolve(), settings.robot, "pytest", self.worker)
         self.run_folder = folder
@@ -116,7 +112,6 @@ class SuiteSession:
         except OSError:
             journal.close()
             raise
-        suites = planned_suites(session.items)
         broadcast = Broadcast(journal, [*self._reporters], listener=self._listener)
         conductor = Conductor(suites, self._options(folder, control), broadcast, self._diagnostics)
         conductor.start()

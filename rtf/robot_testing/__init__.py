@@ -5,14 +5,15 @@ moves the robot has a guard that watches it and restores it afterwards, with any
 connects the xUnit core, which does not know robots, with the robot layer, which does not know tests.
 """
 
-from rtf.robot_testing.failure_causes import likely_causes
-from rtf.robot_testing.guard import GuardError, Limits, MotionGuard
-from rtf.robot_testing.part import Arrival, Part
+from rtf.robot_testing.guard.limits import GuardError, Limits
+from rtf.robot_testing.guard.motion_guard import MotionGuard
+from rtf.robot_testing.guard.safety import Safety
+from rtf.robot_testing.guard.snapshot import Snapshot
+from rtf.robot_testing.judging.failure_causes import likely_causes
+from rtf.robot_testing.judging.statistics import Fit, Periods, confidence, delay_between, fit_line, periods_of
+from rtf.robot_testing.motion.part import Arrival, Part
+from rtf.robot_testing.motion.trace import Trace
 from rtf.robot_testing.robot_test import RobotTest
-from rtf.robot_testing.safety import Safety
-from rtf.robot_testing.snapshot import Snapshot
-from rtf.robot_testing.statistics import Fit, Periods, confidence, delay_between, fit_line, periods_of
-from rtf.robot_testing.trace import Trace
 
 __all__ = [
     "Arrival",

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from lxml import etree
 
-from rtf.robot_testing.safety import Safety
+from rtf.robot_testing.guard.safety import Safety
 from rtf.testing.plugin_source import declared_names
 from rtf.testing.plugins import find, load_test, shipped_folder
 

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rtf.robot_testing.guard import GuardError
-from rtf.robot_testing.routines import until
-from rtf.robot_testing.start_position import bringing
+from rtf.robot_testing.guard.limits import GuardError
+from rtf.robot_testing.guard.transmission import Transmission
+from rtf.robot_testing.motion.routines import until
+from rtf.robot_testing.motion.start_position import bringing
 from rtf.robot_testing.step_test import StepTest
-from rtf.robot_testing.transmission import Transmission
 
 if TYPE_CHECKING:
     from rtf.robot.control_modes import ControlMode
     from rtf.robot.interfaces import FloatArray
-    from rtf.robot_testing.routines import Routine
+    from rtf.robot_testing.motion.routines import Routine
 
 #: Time for a board to report its mode, s.
 _MODE_TIME = 0.2

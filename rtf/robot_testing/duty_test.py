@@ -9,19 +9,19 @@ import numpy as np
 from rtf.errors import RtfError
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.errors import RobotError
-from rtf.robot_testing.duty_ramp import BASELINE, LEAST_CREEP, LIMIT_MARGIN, Ramp, away_from_limits, limp
-from rtf.robot_testing.failure_causes import likely_causes
-from rtf.robot_testing.guard import GuardError, Limits
-from rtf.robot_testing.joints_out_of_limits import exclude_joints_out_of_limits
+from rtf.robot_testing.guard.limits import GuardError, Limits
+from rtf.robot_testing.guard.safety import Safety
+from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.joints_test import HOMING, JointsTest
-from rtf.robot_testing.part import PACE
-from rtf.robot_testing.routines import one_at_a_time, run_queues
-from rtf.robot_testing.safety import Safety
-from rtf.robot_testing.transmission import Transmission
+from rtf.robot_testing.judging.failure_causes import likely_causes
+from rtf.robot_testing.motion.duty_ramp import BASELINE, LEAST_CREEP, LIMIT_MARGIN, Ramp, away_from_limits, limp
+from rtf.robot_testing.motion.joints_out_of_limits import exclude_joints_out_of_limits
+from rtf.robot_testing.motion.part import PACE
+from rtf.robot_testing.motion.routines import one_at_a_time, run_queues
 
 if TYPE_CHECKING:
-    from rtf.robot_testing.duty_ramp import LimpMotor
-    from rtf.robot_testing.routines import Routine
+    from rtf.robot_testing.motion.duty_ramp import LimpMotor
+    from rtf.robot_testing.motion.routines import Routine
 
 #: Distance to the limits that a joint keeps beyond its expected motion, deg.
 ROOM = 10.0

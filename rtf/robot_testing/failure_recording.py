@@ -5,15 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from rtf.robot.extended_state import Field
-from rtf.robot_testing.contacts import CHANNELS, NoForcesError
-from rtf.robot_testing.mode_numbers import LEGEND, mode_numbers
+from rtf.robot_testing.guard.contacts import CHANNELS, NoForcesError
+from rtf.robot_testing.motion.mode_numbers import LEGEND, mode_numbers
 
 if TYPE_CHECKING:
     from rtf.middleware.wire.incoming_message import IncomingMessage
-    from rtf.robot_testing.contacts import Forces
-    from rtf.robot_testing.part import Part
-    from rtf.robot_testing.robot_test import RobotTest
-    from rtf.robot_testing.trace import Trace
+    from rtf.robot_testing.guard.contacts import Forces
+    from rtf.robot_testing.motion.part import Part
+    from rtf.robot_testing.motion.trace import Trace
+    from rtf.testing import TestCase
 
 #: The recorded quantities of each joint beside its mode, as far as its board sends them.
 _KEPT = (
@@ -40,7 +40,7 @@ class FailureRecording:
     sensor; None if it has none.
     """
 
-    def __init__(self, test: RobotTest, part: Part, forces: Forces | None) -> None:
+    def __init__(self, test: TestCase, part: Part, forces: Forces | None) -> None:
         self._test = test
         self._part = part
         self._forces = forces

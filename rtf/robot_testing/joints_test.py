@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rtf.robot.control_modes import ControlMode
-from rtf.robot_testing.failure_causes import likely_causes
-from rtf.robot_testing.guard import GuardError
+from rtf.robot_testing.guard.limits import GuardError
+from rtf.robot_testing.judging.failure_causes import likely_causes
+from rtf.robot_testing.motion.part import TOLERANCE
+from rtf.robot_testing.motion.start_position import hold, late_held_joints
 from rtf.robot_testing.parameter_checks import swapped_ends
-from rtf.robot_testing.part import TOLERANCE
 from rtf.robot_testing.robot_test import RobotTest
-from rtf.robot_testing.start_position import hold, late_held_joints
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from rtf.robot.interfaces import FloatArray
-    from rtf.robot_testing.part import Part
+    from rtf.robot_testing.motion.part import Part
 
 #: Speed of moves to home, deg/s.
 HOMING = 20.0

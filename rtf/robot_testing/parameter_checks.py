@@ -1,10 +1,9 @@
-"""Checks of the parameters of a robot test that need no robot: consistent lists, ranges, and known faults."""
+"""Checks of the parameters of a robot test that need no robot: consistent lists and ranges."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rtf.errors import nearest
 from rtf.testing.parameters import ParameterError
 
 if TYPE_CHECKING:
@@ -80,40 +79,3 @@ def _without_room(test: Declared, low: str, high: str) -> list[tuple[int, float,
     count = max(len(lows), len(highs))
     lows, highs = (one * count if len(one) == 1 else one for one in (lows, highs))
     return [(place, bottom, top) for place, (bottom, top) in enumerate(zip(lows, highs, strict=False)) if top <= bottom]
-
-
-def wrong_fault(test: Declared) -> list[str]:
-    """Return the errors of ``inject``: a kind, a joint or a number that the simulator would refuse."""
-    text = test.parameter_values()["inject"]
-    if not text:
-        return []
-    # Imported here: the faults load the whole simulator, which few tests need.
-    from rtf.robot.errors import RefusedError
-    from rtf.robot_testing.robot_name import robot_model
-    from rtf.robot_testing.robot_test import parse_injection
-    from rtf.simulator.faults.base import Target
-    from rtf.simulator.faults.kinds import find_kind
-
-    source = test.parameter_source("inject")
-    try:
-        word, target, values = parse_injection(text)
-        kind = find_kind(word)
-    except (ParameterError, RefusedError) as error:
-        said = error.problems[0] if isinstance(error, ParameterError) else str(error)
-        return [f"inject: {said} ({source})"]
-    problems = []
-    joints = robot_model(test).index
-    if kind.target_kind is Target.AXIS and target not in joints:
-        near = nearest(target, joints)
-        hint = f"did you mean {near!r}?" if near else f"its joints are {', '.join(joints)}"
-        problems.append(f"the robot has no joint {target!r}; {hint}")
-    known = {parameter.name: parameter for parameter in kind.parameters}
-    for name, value in values.items():
-        if name in ("delay", "duration"):
-            continue
-        if name not in known:
-            problems.append(f"{word} has no parameter {name}; its parameters: {', '.join(known) or 'none'}")
-        elif not known[name].minimum <= value <= known[name].maximum:
-            limits = f"{known[name].minimum:g} to {known[name].maximum:g} {known[name].unit}".strip()
-            problems.append(f"{word}: {name} is from {limits}, not {value:g}")
-    return [f"inject: {problem} ({source})" for problem in problems]

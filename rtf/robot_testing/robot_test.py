@@ -12,22 +12,23 @@ from rtf.middleware.clocks.network_clock import CLOCK_VARIABLE, LockstepClock, c
 from rtf.middleware.ports.network import default_network
 from rtf.robot.client.boards import connect
 from rtf.robot.errors import RefusedError, RobotError, StaleStateError
-from rtf.robot_testing.contacts import ContactWatch, listen_to_forces
-from rtf.robot_testing.failure_causes import likely_causes
 from rtf.robot_testing.failure_recording import FailureRecording
-from rtf.robot_testing.guard import GuardError, Limits, MotionGuard
-from rtf.robot_testing.ledger import MotionLedger
+from rtf.robot_testing.guard.contacts import ContactWatch, listen_to_forces
+from rtf.robot_testing.guard.limits import GuardError, Limits
+from rtf.robot_testing.guard.motion_guard import MotionGuard
+from rtf.robot_testing.guard.motion_record import MotionRecord
+from rtf.robot_testing.guard.read_only_board import connect_read_only
+from rtf.robot_testing.guard.safety import Safety
+from rtf.robot_testing.guard.simulated import is_simulated
+from rtf.robot_testing.injected_fault import parse_injection, wrong_fault
+from rtf.robot_testing.judging.failure_causes import likely_causes
+from rtf.robot_testing.judging.real_time_checks import CpuPressure, overload
+from rtf.robot_testing.motion.part import Part
 from rtf.robot_testing.name_server import await_name_server
-from rtf.robot_testing.parameter_checks import refuse, wrong_fault, wrong_lists
-from rtf.robot_testing.part import Part
-from rtf.robot_testing.read_only_board import connect_read_only
-from rtf.robot_testing.real_time_checks import CpuPressure, overload
+from rtf.robot_testing.parameter_checks import refuse, wrong_lists
 from rtf.robot_testing.robot_name import ROBOT_VARIABLE, robot_model, robot_name
-from rtf.robot_testing.safety import Safety
-from rtf.robot_testing.simulated import is_simulated
 from rtf.simulator.control_client import SimulatorControl
 from rtf.testing import Parameter, TestCase
-from rtf.testing.parameters import ParameterError
 from rtf.testing.permission import has_permission
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
     from rtf.middleware.ports.network import Network
     from rtf.robot.client.boards import RemoteBoard
     from rtf.robot.interfaces import FloatArray
-    from rtf.robot_testing.part import Arrival
+    from rtf.robot_testing.motion.part import Arrival
     from rtf.testing.session import Session
 
 _DEFAULT_ROBOT = "icubSim"
@@ -151,14 +152,14 @@ class RobotTest(TestCase):
             self.skip(
                 f"/{self.robot_name} is not simulated, and the test moves it: allow it by testrunner --allow-motion"
             )
-        ledger = MotionLedger()
-        ledger.record_permission(self.robot_name, may_move=False)  # until the answer, for the fixture, too
-        idle = ledger.excluded_joints(self.robot_name)
+        record = MotionRecord()
+        record.record_permission(self.robot_name, may_move=False)  # until the answer, for the fixture, too
+        idle = record.excluded_joints(self.robot_name)
         warning = f" Joints that were excluded and left idle may get power again: {', '.join(idle)}." if idle else ""
         question = f"/{self.robot_name} is about to move.{warning} Is its workspace clear, and may it move?"
         if not self.confirm(question):
             self.skip("the operator did not permit the robot to move")
-        ledger.record_permission(self.robot_name, may_move=True)
+        record.record_permission(self.robot_name, may_move=True)
         self._may_move = True
 
     def open_part(self, name: str) -> Part:
@@ -179,7 +180,7 @@ class RobotTest(TestCase):
         carrier = "tcp" if isinstance(self.clock, LockstepClock) else "fast_tcp"
         place = f"/{self.robot_name}/{name}"
         moves = self.safety is not Safety.STILL
-        if moves and (reason := MotionLedger().unrestored(place)):
+        if moves and (reason := MotionRecord().unrestored(place)):
             raise RobotError(f"it could not be restored after an earlier test, and is not moved: {reason}")
         if moves and not is_simulated(self.network, self.robot_name, name):
             self._ask_for_permission()  # a simulator answers for the robot, but does not serve this part
@@ -285,22 +286,3 @@ class RobotTest(TestCase):
 
 #: Time for the first state of a board, s of the robot's clock: usually, and at most on a busy machine.
 _FIRST_STATE, _LATEST_STATE = 0.1, 2.0
-
-
-def parse_injection(text: str) -> tuple[str, str, dict[str, float]]:
-    """Return kind, target and parameters of the fault that the parameter ``inject`` describes.
-
-    Raises ParameterError.
-    """
-    kind, *words = text.split()
-    target = words.pop(0) if words and "=" not in words[0] else "-"
-    values: dict[str, float] = {}
-    for word in words:
-        name, equals, number = word.partition("=")
-        try:
-            values[name] = float(number)
-        except ValueError:
-            equals = ""
-        if not equals:
-            raise ParameterError("inject", [f"{word!r} is not of the form name=number, such as torque=400"])
-    return kind, "" if target == "-" else target, values

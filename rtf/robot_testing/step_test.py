@@ -14,22 +14,22 @@ import numpy as np
 
 from rtf.errors import RtfError
 from rtf.middleware.clocks.network_clock import LockstepClock
-from rtf.robot_testing.checked_values import CheckedValue, judge_values
-from rtf.robot_testing.failure_causes import likely_causes
-from rtf.robot_testing.guard import GuardError
-from rtf.robot_testing.real_time_checks import loop_delay, state_delay
+from rtf.robot_testing.guard.limits import GuardError
+from rtf.robot_testing.guard.simulated import is_simulated
+from rtf.robot_testing.judging.checked_values import CheckedValue, judge_values
+from rtf.robot_testing.judging.failure_causes import likely_causes
+from rtf.robot_testing.judging.real_time_checks import loop_delay, state_delay
+from rtf.robot_testing.judging.step_response import EXPLAINED, FEWEST, largest, noise_before, spread_of, step_response
+from rtf.robot_testing.motion.routines import one_at_a_time, pause, run_queues
+from rtf.robot_testing.motion.start_position import bringing, holding, starting_point
 from rtf.robot_testing.robot_test import RobotTest
-from rtf.robot_testing.routines import one_at_a_time, pause, run_queues
-from rtf.robot_testing.simulated import is_simulated
-from rtf.robot_testing.start_position import bringing, holding, starting_point
-from rtf.robot_testing.step_response import EXPLAINED, FEWEST, largest, noise_before, spread_of, step_response
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
-    from rtf.robot_testing.part import Part
-    from rtf.robot_testing.routines import Routine
-    from rtf.robot_testing.trace import Trace
+    from rtf.robot_testing.motion.part import Part
+    from rtf.robot_testing.motion.routines import Routine
+    from rtf.robot_testing.motion.trace import Trace
 
 #: Longest period of a board's states, s: the time grid on which repetitions are compared.
 _GRID = 0.01

@@ -10,19 +10,19 @@ import numpy as np
 from rtf.bottle import Bottle
 from rtf.clock import SystemClock
 from rtf.errors import RtfError
-from rtf.robot_testing.checked_values import CheckedValue, judge_values
-from rtf.robot_testing.failure_causes import likely_causes
-from rtf.robot_testing.port_recorder import Listener
-from rtf.robot_testing.real_time_checks import overload
+from rtf.robot_testing.judging.checked_values import CheckedValue, judge_values
+from rtf.robot_testing.judging.failure_causes import likely_causes
+from rtf.robot_testing.judging.real_time_checks import overload
 from rtf.robot_testing.robot_test import RobotTest
-from rtf.robot_testing.stream_statistics import Stream, stream_of, within
+from rtf.robot_testing.streams.port_recorder import Listener
+from rtf.robot_testing.streams.stream_statistics import Stream, stream_of, within
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rtf.bottle import Value
-    from rtf.robot_testing.port_recorder import Message
+    from rtf.robot_testing.streams.port_recorder import Message
 
 #: Time for which the recording continues after the judged window, s: late messages must not count as lost.
 _GRACE = 0.3

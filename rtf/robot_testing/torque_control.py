@@ -8,19 +8,19 @@ import numpy as np
 
 from rtf.bottle import as_int, as_list
 from rtf.robot.errors import NotSupportedError, RefusedError, StaleStateError
-from rtf.robot_testing.failure_causes import likely_causes
-from rtf.robot_testing.part import PACE
-from rtf.robot_testing.routines import pause, run_to_end
-from rtf.robot_testing.snapshot import answered
+from rtf.robot_testing.guard.snapshot import answered
+from rtf.robot_testing.judging.failure_causes import likely_causes
+from rtf.robot_testing.motion.part import PACE
+from rtf.robot_testing.motion.routines import pause, run_to_end
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rtf.robot.client.boards import RemoteBoard
     from rtf.robot.interfaces import FloatArray
-    from rtf.robot_testing.part import Part
+    from rtf.robot_testing.motion.part import Part
+    from rtf.robot_testing.motion.routines import Routine
     from rtf.robot_testing.robot_test import RobotTest
-    from rtf.robot_testing.routines import Routine
 
 #: The remote variable with its flags: a list for each board, with a flag for each joint.
 TORQUE_VARIABLE = "torqueControlEnabled"

@@ -5,7 +5,7 @@ import pytest
 
 from icub import PARTS
 from robot_outcomes import failed_parts
-from rtf.robot_testing.joint_queues import queues
+from rtf.robot_testing.motion.joint_queues import queues
 from rtf.testing.events import SeriesRecorded
 from rtf.testing.verdict import Verdict
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rtf.robot_testing.sine import fit_sine
+from rtf.robot_testing.judging.sine import fit_sine
 from rtf.testing.events import SeriesRecorded
 from rtf.testing.verdict import Verdict
 

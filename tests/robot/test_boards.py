@@ -18,7 +18,7 @@ from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.errors import DeviceError
 from rtf.robot.server.control_board import ControlBoardServer
 from rtf.robot.server.control_board_service import ControlBoardServiceServer
-from rtf.robot_testing.read_only_board import UndeclaredMotionError, connect_read_only
+from rtf.robot_testing.guard.read_only_board import UndeclaredMotionError, connect_read_only
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""A robot test without a runner: what it measures is kept, and how its sub-results ended."""
+"""Robot tests without a runner, which keep their measurements and the ends of their sub-results."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
 
 def kept_test(name: str, **attributes: Any) -> Any:
-    """A test of ``icub_tests`` with such attributes; it keeps what it says in ``kept``.
+    """Return a test of ``icub_tests`` with such attributes.
 
-    ``kept.values`` are the values by name, ``kept.failures`` what failed in a sentence each, ``kept.ended`` the
-    exceptions with which sub-results ended, by their subjects, and ``kept.reports`` what was reported.
+    Its results are in ``kept``: ``values`` by name, ``failures`` with a sentence each, ``ended`` with the exceptions of
+    sub-results by subject, and ``reports``.
     """
     test: Any = load_test(find("test", name))
     kept = SimpleNamespace(values={}, failures=[], ended={}, reports=[])

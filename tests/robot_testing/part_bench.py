@@ -1,4 +1,4 @@
-"""A board of three joints behind its ports, and a part with its guard: each sleep brings the state of its end."""
+"""A board of three joints behind its ports, and a part with a guard. Each sleep publishes the state at its end."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from rtf.robot.errors import RefusedError
 from rtf.robot.server.control_board import ControlBoardServer
 from rtf.robot.server.outlets import PipelinedOutlets
 from rtf.robot_testing import MotionGuard, Part
+from rtf.robot_testing.guard.transmission import COUPLING_VARIABLE
 from rtf.robot_testing.joints_test import JointsTest
-from rtf.robot_testing.transmission import COUPLING_VARIABLE
 
 from ..robot.sensor_bench import ManualClock  # noqa: TID252 - a neighbour among the tests
 
@@ -36,13 +36,13 @@ COUPLING = np.array([[1.0, 0.0, 0.0], [0.0, 0.5, -0.5], [0.0, 0.5, 0.5]])
 
 
 class Joints(JointsTest):
-    """A test of a part that is open already."""
+    """A test of a part that is already open."""
 
     plugin_name = "joints"
 
 
 class CoupledBoard(FakeBoard):
-    """A board with couplings; it shows what it is told to, modes may be refused, its clock may be ahead (s)."""
+    """A board with couplings, given measurements, modes that it may refuse, and a clock that may be ahead (s)."""
 
     def __init__(self, name: str, *, network: Network, coupling: FloatArray) -> None:
         super().__init__(name, network=network)
@@ -86,7 +86,7 @@ class CoupledBoard(FakeBoard):
 
 
 class _Time(ManualClock):
-    """Time that brings a state with it."""
+    """A clock that publishes a state after each sleep."""
 
     publish: Callable[[], None]
 
@@ -97,11 +97,11 @@ class _Time(ManualClock):
 
 
 class LocalTime(_Time, clock.SystemClock):
-    """The same, and a test that lives by it takes it for the machine's own: stamps may be of another clock."""
+    """The same clock as a machine's own, so that stamps may be of another clock."""
 
 
 class PartBench:
-    """The device, its server, and the part of a test; ``said`` is what the guard told."""
+    """The device, its server, and the part of a test. ``said`` has the reports of the guard."""
 
     def __init__(
         self,
@@ -132,6 +132,6 @@ class PartBench:
         self.part = Part("fake", self.board, self.time, self.guard)
 
     def publish(self) -> None:
-        """Let the client have the state of now."""
+        """Publish the present state to the client."""
         self.server.publish(self.time.now())
         self.server.settle()

@@ -1,4 +1,4 @@
-"""Who is blamed for what a joint does: it by its name, with what has been the cause elsewhere, and no other."""
+"""Failures are attributed to the joint that caused them, with its likely causes, and to no other."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rtf.middleware.clocks.network_clock import LockstepClock
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import GuardError
 from rtf.robot_testing.joints_test import command_at
-from rtf.robot_testing.real_time_checks import RecentCpuPressure
+from rtf.robot_testing.judging.real_time_checks import RecentCpuPressure
 from rtf.testing.events import Event, Message, SubResultEnded
 from rtf.testing.plugins import find, load_test
 from rtf.testing.session import Session
@@ -38,13 +38,13 @@ def bench() -> Iterator[PartBench]:
 
 @pytest.fixture
 def said() -> list[Event]:
-    """What tests say."""
+    """The reports of the tests."""
     return []
 
 
 @pytest.fixture
 def made(bench: PartBench, said: list[Event], tmp_path: Path) -> Callable[..., Any]:
-    """Makes a test of the joints of the bench, with such attributes; without a name one that does nothing."""
+    """Make a test of the joints of the bench with these attributes; without a name one with an empty ``run``."""
 
     def make(name: str = "", **attributes: Any) -> Any:
         test = load_test(find("test", name)) if name else Joints()
@@ -57,25 +57,25 @@ def made(bench: PartBench, said: list[Event], tmp_path: Path) -> Callable[..., A
 
 
 def show(bench: PartBench, positions: dict[int, float]) -> None:
-    """Let joints be somewhere, whatever they are told."""
+    """Publish these positions, whatever is commanded."""
     bench.device.shown = positions
     bench.publish()
 
 
 def failures(said: list[Event]) -> dict[str, str]:
-    """What failed, by the sub-results."""
+    """Return the failures of the sub-results."""
     return {one.subject: one.detail for one in said if isinstance(one, Message) and one.severity is Severity.FAILURE}
 
 
 def verdicts(said: list[Event]) -> dict[str, Verdict]:
-    """How sub-results ended."""
+    """Return the ends of the sub-results."""
     return {one.subject: one.verdict for one in said if isinstance(one, SubResultEnded)}
 
 
-def test_a_joint_that_does_not_come_home_fails_alone(
+def test_a_joint_that_does_not_return_fails_alone(
     bench: PartBench, said: list[Event], made: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ):
-    """With causes. It is stopped, and held where it is, and the others are tested."""
+    """With likely causes. It is held where it is, and the others are tested."""
     test, stopped = made(), list[object]()
     show(bench, {0: AWAY})
     monkeypatch.setattr(bench.board, "stop", stopped.append)
@@ -89,10 +89,10 @@ def test_a_joint_that_does_not_come_home_fails_alone(
     assert stopped == [[0]]
 
 
-def test_of_what_is_coupled_with_it_nothing_can_be_said(
+def test_joints_coupled_with_it_are_not_judged(
     bench: PartBench, said: list[Event], made: Callable[..., Any]
 ):  # fmt: skip
-    """It is not tested either, and not blamed."""
+    """They are not tested, and do not fail."""
     test = made()
     show(bench, {1: AWAY})
     test.bring_home()
@@ -100,8 +100,8 @@ def test_of_what_is_coupled_with_it_nothing_can_be_said(
     assert verdicts(said) == {"joint1": Verdict.FAILED, "joint2": Verdict.INCONCLUSIVE}
 
 
-def test_each_of_those_that_do_not_come_home_is_named(bench: PartBench, said: list[Event], made: Callable[..., Any]):
-    """Also coupled ones; and where no joint is left the test ends."""
+def test_each_joint_that_does_not_return_is_named(bench: PartBench, said: list[Event], made: Callable[..., Any]):
+    """Also coupled ones; without any joint left the test ends."""
     test = made()
     show(bench, {0: AWAY, 1: AWAY, 2: -AWAY})
     with pytest.raises(TestFailure, match="no joint is left"):
@@ -109,18 +109,18 @@ def test_each_of_those_that_do_not_come_home_is_named(bench: PartBench, said: li
     assert verdicts(said) == dict.fromkeys(["joint0", "joint1", "joint2"], Verdict.FAILED)
 
 
-def test_a_joint_that_is_not_tested_and_does_not_come_home_ends_the_test(bench: PartBench, made: Callable[..., Any]):
-    """The others cannot be tested as they should."""
+def test_an_untested_joint_that_does_not_return_ends_the_test(bench: PartBench, made: Callable[..., Any]):
+    """The others cannot be tested in their posture then."""
     test = made(chosen=[0])
     show(bench, {2: AWAY})
     with pytest.raises(TestProblem, match="joint2 is at 20"):
         test.bring_home()
 
 
-def test_a_joint_that_is_stopped_on_its_way_home_is_left_out(
+def test_a_joint_that_is_stopped_on_its_way_is_excluded(
     bench: PartBench, said: list[Event], made: Callable[..., Any]
 ):  # fmt: skip
-    """Without power, as it does what it may not; the others come home."""
+    """It gets no power, and the others are moved."""
     test = made()
     show(bench, {0: BEYOND})
     test.bring_home()
@@ -133,19 +133,19 @@ def test_a_joint_that_is_stopped_on_its_way_home_is_left_out(
 
 
 @pytest.mark.parametrize(("name", "more"), [("JointLimits", {}), ("position-stress", {"_done": 0})])
-def test_the_joint_that_was_stopped_is_blamed_and_not_the_one_that_moved(
+def test_the_stopped_joint_fails_and_not_the_tested_one(
     bench: PartBench, said: list[Event], made: Callable[..., Any], name: str, more: dict[str, Any]
 ):
-    """Of that one nothing is said; it is held where it is, and goes nowhere while the next has its turn."""
+    """The tested joint is not judged; it is held where it is, and the next one is tested."""
     every = np.full(3, 10.0)
     test = made(name, speeds=every, beyond=every, near=every, bottom=-every, top=every, _spans={}, **more)
     test._told = {0: []}
-    course = test._routine(0)
-    next(course)
+    routine = test._routine(0)
+    next(routine)
     bench.time.sleep(0.1)
     assert not bench.board.motion_done(0)
     with pytest.raises(StopIteration):
-        course.throw(GuardError("joint2 (/fake joint 2) turns at 153 deg/s, too fast; it was stopped", 2))
+        routine.throw(GuardError("joint2 (/fake joint 2) turns at 153 deg/s, too fast; it was stopped", 2))
     assert verdicts(said) == {"joint2": Verdict.FAILED, "joint0": Verdict.INCONCLUSIVE}
     assert "likely: a joint without torque" in failures(said)["joint2"]
     assert bench.board.motion_done(0)
@@ -155,10 +155,10 @@ BUSY = "this machine is too busy: for 97% of the time a task waited for a CPU"
 
 
 @pytest.mark.parametrize("name", ["JointLimits", "position-stress"])
-def test_nobody_is_blamed_for_what_is_stopped_while_the_machine_is_too_busy(
+def test_a_stop_on_a_busy_machine_is_inconclusive(
     bench: PartBench, said: list[Event], made: Callable[..., Any], name: str, monkeypatch: pytest.MonkeyPatch
 ):
-    """Neither on its way home nor later: it is left alone, or stopped, as ever, and nothing is said of it."""
+    """At the beginning and later: the joint is stopped and excluded as usual, and does not fail."""
     monkeypatch.setattr(bench.guard, "excuse", lambda: BUSY)
     test = made(name)
     show(bench, {0: BEYOND})
@@ -173,10 +173,8 @@ def test_nobody_is_blamed_for_what_is_stopped_while_the_machine_is_too_busy(
 
 
 @pytest.mark.parametrize(("excuse", "verdict"), [("", Verdict.FAILED), (BUSY, Verdict.INCONCLUSIVE)])
-def test_what_the_guard_has_stopped_ends_a_part_of_a_test(
-    said: list[Event], made: Callable[..., Any], excuse: str, verdict: Verdict
-):
-    """Whether the test says something of it, or nothing."""
+def test_a_stop_ends_the_sub_result(said: list[Event], made: Callable[..., Any], excuse: str, verdict: Verdict):
+    """Whether the test handles the error or not."""
     test, error = made(), GuardError("joint1 turns too fast; it was stopped", 1, excuse)
     with test.subresult("told"):
         test.blame(error, "runs away", during="group")
@@ -188,8 +186,8 @@ def test_what_the_guard_has_stopped_ends_a_part_of_a_test(
     assert ("likely: gains far too large" in text[0]) is not bool(excuse)
 
 
-def test_the_guard_knows_whether_the_machine_could_keep_up(bench: PartBench, monkeypatch: pytest.MonkeyPatch):
-    """Its errors say so; in lockstep time waits for anyone who is late."""
+def test_errors_of_the_guard_have_an_excuse_on_a_busy_machine(bench: PartBench, monkeypatch: pytest.MonkeyPatch):
+    """Not in lockstep, where the time waits for the test."""
     monkeypatch.setattr(RecentCpuPressure, "overload", lambda _: BUSY)
     show(bench, {0: BEYOND})
     with pytest.raises(GuardError) as caught:
@@ -199,10 +197,8 @@ def test_the_guard_knows_whether_the_machine_could_keep_up(bench: PartBench, mon
     assert bench.guard.excuse() == ""
 
 
-def test_a_joint_that_was_left_idle_is_no_fault_of_those_that_move_later(
-    bench: PartBench, said: list[Event], made: Callable[..., Any]
-):
-    """One that goes idle by itself is."""
+def test_an_excluded_joint_is_no_failure_of_later_ones(bench: PartBench, said: list[Event], made: Callable[..., Any]):
+    """A joint that becomes idle by itself is a failure."""
     test = made("position-stress")
     bench.guard.exclude(1, "it does not obey")
     test._judge_modes(0, np.array([[POSITION, IDLE, POSITION]]))
@@ -211,8 +207,10 @@ def test_a_joint_that_was_left_idle_is_no_fault_of_those_that_move_later(
     assert [one.detail for one in said if isinstance(one, Message)] == ["joint2 went into idl while joint0 moved"]
 
 
-def test_limits_without_a_range_fail_at_their_joint(bench: PartBench, said: list[Event], made: Callable[..., Any]):
-    """Before anything moves; it is left idle, for nobody can guard it, and the others are tested."""
+def test_limits_without_a_range_are_a_failure_of_their_joint(
+    bench: PartBench, said: list[Event], made: Callable[..., Any]
+):
+    """Before anything moves; the joint is excluded, as it cannot be watched, and the others are tested."""
     test = made("JointLimits")
     bench.part.low[0], bench.part.high[0] = 50.0, -50.0
     test._exclude_joints_without_range()
@@ -228,7 +226,7 @@ def test_limits_without_a_range_fail_at_their_joint(bench: PartBench, said: list
 def test_a_joint_that_does_not_arrive_has_not_lost_its_command(
     bench: PartBench, said: list[Event], made: Callable[..., Any]
 ):  # fmt: skip
-    """For the board says that it has the target."""
+    """As the board reports the target."""
     test = made("MovementReferencesTest", targets=np.full(3, 5.0), speeds=np.full(3, 20.0))
     show(bench, {0: 0.0})
     test._position()
@@ -238,13 +236,13 @@ def test_a_joint_that_does_not_arrive_has_not_lost_its_command(
 
 
 def test_a_wrong_amplitude_has_causes(made: Callable[..., Any]):
-    """Those of a joint are others than those of what its board was told."""
+    """The causes at the joint are others than those at the board."""
     direct = made("PositionDirect")
     assert "likely: a weak motor" in direct._gain("joint0", "amplitude", 0.5, "weak").hint
     assert "likely: a loaded network" in direct._gain("joint0", "amplitude", 0.5, "lost commands").hint
 
 
-def test_what_a_joint_was_told_is_what_it_was_told_last():
-    """Before the first command it is the first, so that a plot has a line."""
+def test_the_recorded_command_is_the_last_one():
+    """Before the first command it is the first one, so that the plot has a line."""
     told = [(1.0, 10.0), (2.0, -10.0)]
     assert command_at(np.array([0.5, 1.0, 1.9, 2.0, 9.0]), told).tolist() == [10.0, 10.0, 10.0, -10.0, -10.0]

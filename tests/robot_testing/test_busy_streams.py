@@ -1,4 +1,4 @@
-"""What is said of streams, and of boards, on a machine that has more to do than it can."""
+"""The judgement of streams, and of boards, on a machine with too much load."""
 
 from types import SimpleNamespace
 
@@ -8,20 +8,21 @@ from rtf import clock
 from rtf.clock import SystemClock
 from rtf.middleware.clocks.network_clock import LockstepClock
 from rtf.robot.errors import RefusedError, StaleStateError
-from rtf.robot_testing import RobotTest, real_time_checks
-from rtf.robot_testing.port_recorder import Message
+from rtf.robot_testing import RobotTest
+from rtf.robot_testing.judging import real_time_checks
 from rtf.robot_testing.stream_test import RateTest
+from rtf.robot_testing.streams.port_recorder import Message
 from rtf.testing.session import Session
 from rtf.testing.verdict import Inconclusive, MeasurementVerdict, Verdict
 
 
 class Listening(RateTest):
-    """A test of streams that has listened; it keeps what it measures, and with what limits."""
+    """A test of streams that has recorded; it keeps its measurements and their limits."""
 
     plugin_name = "listening"
 
     def measure(self, name, value, unit="", low=None, high=None, hint=""):
-        """Keep it."""
+        """Keep the measurement."""
         self.limits_of[name] = (low, high)
         wrong = (high is not None and value > high) or (low is not None and value < low)
         if wrong:
@@ -29,12 +30,12 @@ class Listening(RateTest):
         return SimpleNamespace(verdict=MeasurementVerdict.FAILED if wrong else MeasurementVerdict.PASSED)
 
     def record(self, name, **columns):
-        """Nobody looks at it."""
+        """Discard the series."""
 
 
 @pytest.fixture
 def listening():
-    """One that was in time itself."""
+    """A test whose recording was in time."""
     test = Listening()
     test.listener = SimpleNamespace(late=[0.0, 0.001], stalled=0.0, factor=1.0, exact=False, cpu_pressure=0.1)
     test.clock = SystemClock()
@@ -43,7 +44,7 @@ def listening():
 
 
 def messages(every=1, copies=1):
-    """Two seconds of a hundred messages a second, of which one of so many comes, so often."""
+    """Return two seconds of a hundred messages a second, with a given share of them, repeated as given."""
     return [
         Message(number, 0.01 * number, 0.01 * number + 0.002, 8, number, None)
         for number in range(0, 200, every)
@@ -51,15 +52,15 @@ def messages(every=1, copies=1):
     ]
 
 
-def test_what_is_missing_is_held_against_a_robot_that_could_be_heard(listening):
-    """The failures say what it means."""
+def test_missing_messages_fail_on_a_machine_without_load(listening):
+    """The failures have likely causes."""
     listening.judge(messages(every=2), 100.0, 5.0)
     assert [text.split(";")[0] for text in listening.failures] == ["rate", "lost"]
     assert "messages are missing" in listening.failures[1]
 
 
-def test_what_is_missing_on_a_busy_machine_is_inconclusive(listening):
-    """The sender may be on it. What was measured is reported without its limits."""
+def test_missing_messages_on_a_busy_machine_are_inconclusive(listening):
+    """The sender may be on this machine. The measurements are recorded without limits."""
     listening.listener.cpu_pressure = 0.95
     with pytest.raises(Inconclusive, match=r"rate is 50 Hz, lost is .*; but this machine is too busy: for 95%"):
         listening.judge(messages(every=2), 100.0, 5.0)
@@ -67,8 +68,8 @@ def test_what_is_missing_on_a_busy_machine_is_inconclusive(listening):
     assert listening.limits_of["rate"] == (None, None)
 
 
-def test_a_busy_machine_is_no_excuse_for_a_message_that_comes_twice(listening):
-    """And what is within its limits on a busy machine counts."""
+def test_a_busy_machine_does_not_excuse_duplicates(listening):
+    """And measurements within their limits count."""
     listening.listener.cpu_pressure = 0.95
     listening.judge(messages(), 100.0, 5.0)
     assert not listening.failures
@@ -78,7 +79,7 @@ def test_a_busy_machine_is_no_excuse_for_a_message_that_comes_twice(listening):
 
 
 class Late:
-    """A board whose first state comes with the fifth look."""
+    """A board whose first state arrives at the fifth request."""
 
     def __init__(self, looks):
         self.looks = looks
@@ -91,7 +92,7 @@ class Late:
 
 
 def test_a_first_state_may_be_late(listening):
-    """A board that sends none ever is an error all the same."""
+    """A board without any state is an error."""
     slept = []
     listening.now, listening.sleep = lambda: sum(slept), slept.append
     listening._await_state(Late(1))
@@ -104,7 +105,7 @@ def test_a_first_state_may_be_late(listening):
 
 
 class Looks(RobotTest):
-    """A test whose states come too late."""
+    """A test whose states are late."""
 
     plugin_name = "looks"
 
@@ -118,10 +119,8 @@ class Looks(RobotTest):
         pytest.param(0.9, SystemClock, RefusedError, Verdict.ERROR, id="another error"),
     ],
 )
-def test_states_that_are_too_old_say_nothing_where_the_machine_is_too_busy(
-    tmp_path, monkeypatch, share, time, error, verdict
-):
-    """Unless time waits for the test; and the sentence says what was too old."""
+def test_stale_states_on_a_busy_machine_are_inconclusive(tmp_path, monkeypatch, share, time, error, verdict):
+    """Not in lockstep; the message has the name of the stale data."""
     test, said = Looks(), []
     session = Session("s/looks", said.append, folder=tmp_path, run_folder=tmp_path)
     test.attach_to(session, "")

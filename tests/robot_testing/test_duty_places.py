@@ -1,12 +1,12 @@
-"""Where motors are tested by their duty cycles: with room for their joints, by the model of the simulated robot."""
+"""The places where motors are tested by their duty cycles have room for their joints, in the simulated robot."""
 
 import numpy as np
 import pytest
 
 from icub import AXES, INDEX, PARTS, build_icub
 from rtf.robot.model.engine import mujoco
-from rtf.robot_testing.duty_ramp import away_from_limits
 from rtf.robot_testing.duty_test import NEAR, ROOM
+from rtf.robot_testing.motion.duty_ramp import away_from_limits
 from rtf.simulator.contacts import touching
 from rtf.simulator.plant import Options
 
@@ -14,7 +14,7 @@ THRESHOLD = 5.0  # deg, what the tests have without being told
 
 
 class Limits:
-    """What is to be known of a part."""
+    """The attributes of a part that are needed."""
 
     def __init__(self, axes):
         self.low, self.high, self.home = (
@@ -29,8 +29,8 @@ def robot():
 
 
 @pytest.mark.parametrize("part", PARTS)
-def test_no_joint_meets_the_robot_where_its_motor_is_tested(robot, part):
-    """All the others are at home; it goes as far to both sides as ends a ramp, and as it may be from its place."""
+def test_no_joint_collides_where_its_motor_is_tested(robot, part):
+    """All others are at home; the joint moves as far to both sides as a ramp may, from its start."""
     data, axes = robot.data(), PARTS[part]
     for joint, axis in enumerate(axes):
         place = away_from_limits(Limits(axes), joint, THRESHOLD + ROOM)

@@ -1,4 +1,4 @@
-"""What the tests of encoders say of states that are known."""
+"""The judgement of encoder tests, for known states."""
 
 import math
 from itertools import pairwise
@@ -7,10 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rtf.robot_testing.duty_ramp import End, Ramp
 from rtf.robot_testing.duty_test import BothWays, Steps
-from rtf.robot_testing.joint_swings import Outcome
-from rtf.robot_testing.transmission import Transmission
+from rtf.robot_testing.guard.transmission import Transmission
+from rtf.robot_testing.motion.duty_ramp import End, Ramp
+from rtf.robot_testing.motion.joint_swings import Outcome
 from rtf.testing.verdict import TestProblem
 
 from .kept_test import kept_test
@@ -23,14 +23,14 @@ GEARED = Transmission(np.array([_GEAR]), np.eye(1), ((0,),))
 
 
 class Trace(SimpleNamespace):
-    """States that can be counted."""
+    """States with a number."""
 
     def __len__(self):
         return self.time.size
 
 
-def course(speed):
-    """Four half-swings of 20 deg and home, with the least jerk and a rest at each end; the mean speed is given."""
+def trajectory(speed):
+    """Return four half-swings of 20 deg and the way home, minimum-jerk with rests between, at this mean speed."""
     goals = [0.0, 10.0, -10.0, 10.0, -10.0, 0.0]
     moves = []
     for start, goal in pairwise(goals):
@@ -40,7 +40,7 @@ def course(speed):
 
 
 def follow(motor, play):
-    """Where a joint is that its motor drives with so much play: a dead band, without any delay."""
+    """Return the joint's position with this backlash: a dead band without any delay."""
     joint, places = motor[0], []
     for place in motor:
         joint = min(max(joint, place - play / 2), place + play / 2)
@@ -49,8 +49,8 @@ def follow(motor, play):
 
 
 def swung(speed=20.0, play=0.0, delay=0.0):
-    """The states of a joint that swings; its motor's encoder is so late (s)."""
-    motor = course(speed)
+    """Return the states of a joint that swings, with this delay (s) of its motor encoder."""
+    motor = trajectory(speed)
     time = _PERIOD * np.arange(motor.size)
     joint = _TICK * np.round(follow(motor, play) / _TICK)
     shown = _GEAR * np.interp(time - delay, time, motor)
@@ -65,7 +65,7 @@ def swung(speed=20.0, play=0.0, delay=0.0):
 
 
 def consistency(trace):
-    """OpticalEncodersConsistency after it has judged such swings of one joint."""
+    """Return OpticalEncodersConsistency after it has judged such swings of one joint."""
     test = kept_test("OpticalEncodersConsistency", robot_part=PART, transmission=GEARED, chosen=[0])
     test.swinger = SimpleNamespace(in_doubt=lambda joint: "")
     test._swings = {0: SimpleNamespace(trace=trace)}
@@ -75,8 +75,8 @@ def consistency(trace):
 
 @pytest.mark.parametrize("speed", [20.0, 10.0, 5.0])
 @pytest.mark.parametrize("play", [0.0, 0.4, 0.95])
-def test_play_is_no_delay(speed, play):
-    """Play that is allowed is told as play, however slow the joint is."""
+def test_backlash_is_no_delay(speed, play):
+    """Backlash within its limit is measured as such, however slow the joint is."""
     kept = consistency(swung(speed, play))
     assert kept.failures == []
     assert kept.values["play"] == pytest.approx(play, abs=0.05)
@@ -84,16 +84,16 @@ def test_play_is_no_delay(speed, play):
 
 
 @pytest.mark.parametrize("delay", [-0.03, 0.03])
-def test_a_delay_is_no_play(delay):
-    """It is measured in spite of play, and a failure says which encoder is late, and what may be the cause."""
+def test_a_delay_is_no_backlash(delay):
+    """It is measured in spite of backlash; the failure names the late encoder and the likely causes."""
     kept = consistency(swung(8.0, 0.3, delay))
     assert kept.values["delay of the motor after the joint"] == pytest.approx(1e3 * delay, abs=3.0)
     (failure,) = kept.failures
     assert f"ms {'behind' if delay > 0 else 'ahead of'} the joint encoder; likely: " in failure
 
 
-def test_a_speed_that_is_wrong_has_likely_causes():
-    """It is told how wrong it is."""
+def test_a_wrong_speed_has_likely_causes():
+    """The failure has the deviation."""
     trace = swung()
     trace.velocities = trace.velocities / 2
     (failure,) = consistency(trace).failures
@@ -101,8 +101,8 @@ def test_a_speed_that_is_wrong_has_likely_causes():
 
 
 @pytest.mark.parametrize("what", ["positions", "motor_positions", "velocities"])
-def test_states_without_numbers_end_their_joint(what):
-    """They are counted, and no line is drawn through what is left."""
+def test_states_that_are_not_finite_end_their_joint(what):
+    """They are counted, and no line is fitted to the rest."""
     trace = swung()
     getattr(trace, what)[[50, 70]] = math.nan
     with pytest.raises(TestProblem, match=r"elbow: 2 of \d+ states have no finite values of it; likely: "):
@@ -110,30 +110,30 @@ def test_states_without_numbers_end_their_joint(what):
 
 
 def drift(apart):
-    """OpticalEncodersDrift after it has judged how far encoders were apart at visits every six half-swings."""
+    """Return OpticalEncodersDrift after it has judged these deviations, measured every six half-swings."""
     test = kept_test("OpticalEncodersDrift", robot_part=PART, transmission=GEARED, chosen=[0], complaints={})
     test.swinger = SimpleNamespace(in_doubt=lambda joint: "")
     test._judge(0, 6.0 * np.arange(len(apart)), np.array(apart), 1.0)
     return test.kept
 
 
-def test_a_sure_trend_fails_by_its_measurement():
-    """With likely causes, though the drift at the end is still allowed."""
+def test_a_significant_trend_fails():
+    """With likely causes, although the final drift is within its limit."""
     apart = np.linspace(5.0, 5.19, 11)
     (failure,) = drift(apart).failures
     assert failure.startswith("drift by the trend, at least is 0.31")
     assert "elbow drifts by at least 0.317 deg in 100 half-swings, with a confidence of 99 %; likely: " in failure
 
 
-def test_a_trend_of_a_few_visits_is_as_sure_as_it_says():
-    """Of encoders that only scatter, six visits show no sure trend but in one of a hundred runs."""
+def test_the_confidence_of_a_trend_holds_for_few_visits():
+    """For pure noise six visits show a significant trend in one of a hundred runs."""
     random = np.random.default_rng(1)
     found = [drift([0.0, *random.normal(0.0, 0.05, 5)]).values["drift by the trend, at least"] for _ in range(300)]
     assert np.mean([value > 0 for value in found]) < 0.03
 
 
-def test_a_visit_without_a_number_ends_its_joint():
-    """It hides no drift: nothing is said of it, but how many there are."""
+def test_a_visit_that_is_not_finite_ends_its_joint():
+    """The joint is not judged; the number of such visits is in the message."""
     apart = np.linspace(5.0, 5.19, 11)
     for missing in (5, 0):
         with_gap = apart.copy()
@@ -142,8 +142,8 @@ def test_a_visit_without_a_number_ends_its_joint():
             drift(with_gap)
 
 
-def test_a_joint_without_numbers_hides_no_clear_drift_of_another():
-    """The test ends early all the same."""
+def test_a_joint_without_values_does_not_hide_the_drift_of_another():
+    """The test still ends early."""
     rows = []
     test = kept_test("OpticalEncodersDrift", chosen=[0, 1], complaints={})
     test._half_swings, test._visit = (lambda count: np.ones(2)), (lambda visits, done: None)
@@ -153,7 +153,7 @@ def test_a_joint_without_numbers_hides_no_clear_drift_of_another():
 
 
 def stiction(*values):
-    """What MotorStiction says of a motor that needs so much duty cycle to either side, for each time."""
+    """Return the results of MotorStiction for these break-away duty cycles in both directions."""
     ramps = [[Ramp(End.MOVED, value, sign * value, 5.0, 5.0, np.empty(0)) for sign in (1, -1)] for value in values]
     test = kept_test("MotorStiction", robot_part=PART, transmission=GEARED, chosen=[0], most=[10.0])
     test.steps = [Steps(0.0, 0.5, 0.1, 50.0, 5.0)]
@@ -161,8 +161,8 @@ def stiction(*values):
     return test.kept.failures
 
 
-def test_the_stiction_of_a_few_times_is_told_by_its_spread():
-    """An interval of two values would be a hundred times what they differ by."""
+def test_the_stiction_of_few_repetitions_has_their_spread():
+    """The confidence interval of two values would be a hundred times their difference."""
     (failure,) = stiction(11.5, 12.5)
     assert "elbow needs 12.0 % (11.5 to 12.5 in 2 times) of duty cycle beyond the load of gravity" in failure
     (failure,) = stiction(12.0)

@@ -1,4 +1,4 @@
-"""What is kept of the last seconds before a test failed."""
+"""The recording of the last seconds before a failure."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.extended_state import Field
 from rtf.robot_testing.failure_recording import FailureRecording
-from rtf.robot_testing.guard import GuardError
+from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.robot_test import RobotTest
 from rtf.testing.events import Event, Message, SeriesRecorded
 from rtf.testing.session import Session
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from rtf.robot.extended_state import ExtendedState
 
 
-def test_what_the_board_gives_is_kept_of_each_joint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Its mode, too, with the legend of the modes; what comes after the failure is not there."""
+def test_all_quantities_of_the_board_are_recorded_for_each_joint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """With its mode, and the legend of the modes; states after the failure are not recorded."""
     events: list[Event] = []
     test = RobotTest()
     test.attach_to(Session("t", events.append, folder=tmp_path, run_folder=tmp_path), "")
@@ -58,8 +58,8 @@ def test_what_the_board_gives_is_kept_of_each_joint(tmp_path: Path, monkeypatch:
     assert any("0 pos" in one.detail and "6 ipwm" in one.detail for one in events if isinstance(one, Message))
 
 
-def test_what_led_to_a_stop_is_kept_though_the_test_goes_on(tmp_path: Path):
-    """Of the first one, whether the test fails for it or not; behind it come a thousand other states."""
+def test_the_states_before_the_first_stop_are_recorded(tmp_path: Path):
+    """Whether the test fails or goes on, even if a thousand states follow."""
     events: list[Event] = []
     test = RobotTest()
     test.attach_to(Session("t", events.append, folder=tmp_path, run_folder=tmp_path), "")

@@ -1,4 +1,4 @@
-"""What healthy robots and busy machines may do without being blamed, and what tests must not take for healthy."""
+"""Unusual behaviour of healthy robots and busy machines that is no failure, and faults that look healthy."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import pytest
 
 from rtf import clock
 from rtf.robot.client.control_board import RemoteControlBoard
-from rtf.robot_testing.joint_swings import Ends, JointSwinger
-from rtf.robot_testing.orientations import each_once, turns_of
-from rtf.robot_testing.port_recorder import Message
+from rtf.robot_testing.guard.transmission import Transmission
+from rtf.robot_testing.judging.orientations import each_once, turns_of
+from rtf.robot_testing.motion.joint_swings import Ends, JointSwinger
+from rtf.robot_testing.motion.routines import run_to_end
 from rtf.robot_testing.robot_test import RobotTest
-from rtf.robot_testing.routines import run_to_end
-from rtf.robot_testing.transmission import Transmission
+from rtf.robot_testing.streams.port_recorder import Message
 from rtf.testing.verdict import Inconclusive, TestFailure, TestProblem
 
 from .kept_test import kept_test
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import AxisSelection
 
 
-class SlowlyAsked(RemoteControlBoard):
-    """A client whose process gets no processor for a second when it first asks whether a move is done."""
+class SuspendedClient(RemoteControlBoard):
+    """A client whose process is suspended for a second at its first request whether a move is done."""
 
     asked = False
 
@@ -51,7 +51,7 @@ def bench() -> Iterator[PartBench]:
 
 
 def test_a_motor_that_turns_with_another_joint_is_not_frozen():
-    """Motors may be numbered as they are wired: that of a joint need not be the one of the same number."""
+    """Motors are numbered as they are wired, so a joint and its motor may have different numbers."""
     with ExitStack() as stack:
         bench = PartBench(stack, coupling=np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
         transmission = Transmission.read(bench.board)
@@ -66,8 +66,8 @@ def test_a_motor_that_turns_with_another_joint_is_not_frozen():
         assert test.kept.values["speed of the joint, derived by told"] == pytest.approx(1.0, abs=0.01)
 
 
-def test_stamps_that_stand_still_are_told_of():
-    """From the beginning, in the warm-up, and right behind it. The same message again and again is another matter."""
+def test_frozen_stamps_are_a_failure():
+    """From the beginning, in the warm-up, and after it. Repeated messages are another failure."""
     test = kept_test("PortsFrequency")
     for moving in (0, 10, 20):
         stamps = [0.01 * min(number, moving) for number in range(200)]
@@ -78,8 +78,8 @@ def test_stamps_that_stand_still_are_told_of():
         test.judged([Message(7, 0.0, 0.01 * number, 8, 7, None) for number in range(200)], 1.0, "/bot/x:o")
 
 
-def test_a_sensor_that_tells_of_nothing_fails():
-    """Values that are no numbers never repeat themselves."""
+def test_a_sensor_without_finite_values_fails():
+    """NaN never counts as a repeated value."""
     test = kept_test("SensorsDuplicateReadings", network=None)
     values = np.random.default_rng(1).normal(size=(50, 3))
     test._judge_channels("/bot/analog:o", values)
@@ -89,8 +89,8 @@ def test_a_sensor_that_tells_of_nothing_fails():
         test._judge_channels("/bot/analog:o", values)
 
 
-def test_measurements_that_come_again_turn_nowhere():
-    """A server that is faster than its sensor sends each of them several times."""
+def test_repeated_measurements_have_no_angular_velocity():
+    """A server that is faster than its sensor repeats them."""
     times = np.repeat([1.0, 2.0, 3.0], 4)
     places = each_once(times)
     assert places == [0, 4, 8]
@@ -107,8 +107,8 @@ def test_a_joint_without_a_range_cannot_be_stepped(bench: PartBench, monkeypatch
         test.setup()
 
 
-def test_duty_cycles_may_be_counted_in_steps(bench: PartBench):
-    """What a board reads back of 2 % is what its timer makes of it; what is far off is none of it."""
+def test_duty_cycles_may_be_quantized(bench: PartBench):
+    """A board reports 2 % with the resolution of its timer; a larger deviation is a failure."""
     test = kept_test("MovementReferencesTest", robot_part=bench.part, chosen=[0, 1], way=np.array([1.0, -1.0]))
     for step, fails in ((0.13, False), (0.7, True)):
         bench.device.duty_step = step
@@ -117,10 +117,10 @@ def test_duty_cycles_may_be_counted_in_steps(bench: PartBench):
         assert any("reference duty cycle" in text for text in test.kept.failures) is fails
 
 
-def test_a_move_that_was_over_before_anybody_looked_has_begun():
-    """A machine that is too busy to see it says so, and blames no joint."""
+def test_a_move_that_ended_before_the_first_state_has_begun():
+    """A busy machine reports it, and the joint does not fail."""
     with ExitStack() as stack:
-        bench = PartBench(stack, SlowlyAsked)
+        bench = PartBench(stack, SuspendedClient)
         test = kept_test("MotorTest", robot_part=bench.part, clock=bench.time, chosen=[0])
         test.targets, test.speeds = np.array([10.0]), np.array([20.0])
         test.low, test.high = test.targets - 1.0, test.targets + 1.0

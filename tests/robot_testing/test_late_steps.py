@@ -1,4 +1,4 @@
-"""What a step test says of steps that its own loop did not keep up with, or that noise hides, and which it refuses."""
+"""Step tests: steps that the test commanded late, steps hidden by noise, and steps that are refused."""
 
 from types import SimpleNamespace
 
@@ -16,30 +16,30 @@ LATE = "the loop of this test was suspended for 39 ms"
 
 
 class Judging(StepTest):
-    """A step test of one joint that has been stepped; it keeps what it measures, and with what limit."""
+    """A step test of one joint with recorded steps; it keeps its measurements and their limits."""
 
     plugin_name = "judging"
 
     def measure(self, name, value, unit="", low=None, high=None, hint=""):
-        """Keep it."""
+        """Keep the measurement."""
         self.measured_values[name] = high
         wrong = high is not None and value > high
         self.failed |= wrong
         return SimpleNamespace(verdict=MeasurementVerdict.FAILED if wrong else MeasurementVerdict.PASSED)
 
     def check_fail_if_true(self, condition, text):
-        """Keep it."""
+        """Keep the failure."""
         self.failed |= condition
         self.reports.append(text)
 
     def report(self, *texts):
-        """Keep it."""
+        """Keep the report."""
         self.reports += texts
 
 
 @pytest.fixture
 def judging():
-    """One that has not judged anything yet."""
+    """A step test that has not judged yet."""
     test = Judging()
     test.robot_name, test.robot_part = "bot", SimpleNamespace(name="left_arm", names=["elbow"])
     test.measured_values, test.reports, test.failed = {}, [], False
@@ -47,34 +47,34 @@ def judging():
 
 
 def cycle(beyond, late=""):
-    """A step of one degree that goes beyond its target by a share, and comes back."""
+    """Return a step of one degree and back, with this overshoot."""
     time = np.arange(-0.2, 2.0, 0.01)
     measured = np.clip(time / 0.1, 0.0, 1.0) + beyond * ((time > 0.1) & (time < 0.2))
     return Cycle(time, measured, np.where(time < 0, 0.0, 1.0), 0.0, 1.0, 0, np.zeros(1), late)
 
 
 def still(late=""):
-    """One that is not answered."""
+    """Return a step without a response."""
     step = cycle(0.0, late)
     return step._replace(measured=np.zeros_like(step.measured))
 
 
 def noisy(step, deviation, seed):
-    """The same, measured by a sensor with white noise."""
+    """Return the same step, measured with white noise."""
     noise = np.random.default_rng(seed).normal(0.0, deviation, step.time.size)
     return step._replace(measured=step.measured + noise)
 
 
 def test_a_late_step_within_its_limits_counts(judging):
-    """To be late makes no answer better."""
+    """A delay makes no response better."""
     judging.judge(0, [cycle(0.0, LATE), cycle(0.0)])
     assert not judging.failed
     assert judging.measured_values["overshoot"] == judging.overshoot
     assert "repeatability" in judging.measured_values
 
 
-def test_a_late_step_beyond_them_is_left_to_those_in_time(judging):
-    """Which are judged as ever, and it is said that one is not."""
+def test_a_late_step_beyond_its_limits_does_not_count(judging):
+    """The steps in time are judged, and the late one is reported."""
     judging.judge(0, [cycle(0.5, LATE), cycle(0.0)])
     assert not judging.failed
     assert any("1 of 2 steps are not judged" in text for text in judging.reports)
@@ -82,16 +82,16 @@ def test_a_late_step_beyond_them_is_left_to_those_in_time(judging):
     assert judging.failed
 
 
-def test_without_any_step_in_time_nothing_can_be_said(judging):
-    """What was measured is reported without its limits."""
+def test_without_any_step_in_time_the_result_is_inconclusive(judging):
+    """The measurements are recorded without limits."""
     with pytest.raises(Inconclusive, match=r"elbow: overshoot is 50 %; but the loop of this test was suspended"):
         judging.judge(0, [cycle(0.5, LATE)])
     assert not judging.failed
     assert set(judging.measured_values.values()) == {None}
 
 
-def test_a_step_of_which_too_few_states_came_cannot_be_judged(judging):
-    """It is named which stream is too slow, and how fast it is: nothing is wrong with the controller."""
+def test_a_step_with_too_few_states_cannot_be_judged(judging):
+    """The message has the slow stream and its rate; the controller does not fail."""
     came = np.arange(-0.5, 2.0, 0.25)
     with pytest.raises(TestProblem) as problem:
         judging._judge_number_of_states(0, came, "")
@@ -104,14 +104,14 @@ def test_a_step_of_which_too_few_states_came_cannot_be_judged(judging):
         judging._judge_number_of_states(0, np.empty(0), "")
 
 
-def test_too_few_states_for_a_test_that_was_late_say_nothing(judging):
-    """They may have come while this machine stood still."""
+def test_too_few_states_of_a_late_test_are_inconclusive(judging):
+    """They may have arrived while the process was suspended."""
     with pytest.raises(Inconclusive, match=r"4 a second.*; but the loop of this test was suspended"):
         judging._judge_number_of_states(0, np.arange(-0.5, 2.0, 0.25), LATE)
 
 
-def test_a_late_step_that_never_came_says_nothing(judging):
-    """A value that is not there is wrong as well."""
+def test_a_late_step_without_a_response_is_inconclusive(judging):
+    """A missing characteristic is beyond its limit, too."""
     with pytest.raises(Inconclusive, match=r"there is no delay, there is no rise time.*; but the loop of this test"):
         judging.judge(0, [still(LATE)])
     judging.judge(0, [still(LATE), cycle(0.0)])
@@ -120,7 +120,7 @@ def test_a_late_step_that_never_came_says_nothing(judging):
     assert judging.failed
 
 
-def test_a_step_with_values_that_are_no_numbers_says_nothing(judging):
+def test_a_step_with_values_that_are_not_finite_is_not_judged(judging):
     """Whatever the other values are."""
     broken = cycle(0.5)
     broken.measured[100] = np.nan
@@ -130,22 +130,22 @@ def test_a_step_with_values_that_are_no_numbers_says_nothing(judging):
 
 
 @pytest.mark.parametrize("deviation", [0.02, 0.05, 0.1])
-def test_noise_is_not_held_against_a_joint(judging, deviation):
-    """As long as it is no more than the ripple that is allowed."""
+def test_noise_within_the_allowed_ripple_passes(judging, deviation):
+    """It does not count as overshoot or ripple."""
     judging.ripple = judging.repeatability = 0.15
     judging.judge(0, [noisy(cycle(0.0), deviation, seed) for seed in range(3)])
     assert not judging.failed
 
 
 @pytest.mark.parametrize("deviation", [0.0, 0.05, 0.1])
-def test_a_joint_that_does_not_answer_is_found_in_noise(judging, deviation):
-    """Noise makes no answer."""
+def test_a_missing_response_is_found_in_noise(judging, deviation):
+    """Noise is no response."""
     judging.judge(0, [noisy(still(), deviation, seed) for seed in range(3)])
     assert judging.failed
 
 
-def test_a_step_in_a_noise_that_hides_it_says_nothing(judging):
-    """Neither that the joint answers nor that it does not; but for the noise, where that is wrong itself."""
+def test_a_step_hidden_by_noise_is_inconclusive(judging):
+    """Whether the joint responds is unknown; noise beyond its own limit is a failure."""
     judging.ripple = judging.repeatability = 1.0
     with pytest.raises(Inconclusive, match=r"elbow: a step of 1 deg is not visible in a noise of 0\.\d+ deg"):
         judging.judge(0, [noisy(cycle(0.0), 0.4, seed) for seed in range(3)])
@@ -156,8 +156,8 @@ def test_a_step_in_a_noise_that_hides_it_says_nothing(judging):
     assert judging.failed
 
 
-def test_no_limit_excuses_a_quarter_of_a_step(judging):
-    """A low step is as easily missed as a high one."""
+def test_a_quarter_of_a_step_is_always_a_failure(judging):
+    """Small steps are as demanding as large ones."""
     judging.band = judging.steady_error = 0.1
     low = cycle(0.0)
     judging.judge(0, [low._replace(target=0.04, measured=0.04 * low.measured)])
@@ -168,7 +168,7 @@ def test_no_limit_excuses_a_quarter_of_a_step(judging):
 
 
 class Chosen(Exception):
-    """The joints are chosen, which is what a test does next."""
+    """The joints were selected, which is the next step of a test."""
 
 
 @pytest.mark.parametrize("simulated", [True, False])
@@ -180,8 +180,8 @@ class Chosen(Exception):
         ("TorqueControlAccuracy", 1.2, "1 Nm"),
     ],
 )
-def test_a_step_that_would_throw_a_joint_is_refused(monkeypatch, name, height, most, simulated):
-    """On a part that is no simulated one, before anything moves; it is named which parameter it is, and the hint."""
+def test_a_dangerous_step_is_refused(monkeypatch, name, height, most, simulated):
+    """On a real part, before anything moves; the message has the parameter and the remedy."""
 
     def choose(part):
         raise Chosen

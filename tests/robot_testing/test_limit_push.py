@@ -1,4 +1,4 @@
-"""What JointLimits says of a joint that pushes on at its limit."""
+"""The judgement of JointLimits on a joint that pushes against its limit."""
 
 from types import SimpleNamespace
 
@@ -12,8 +12,8 @@ from .kept_test import kept_test
 
 @pytest.mark.parametrize("kp", [8.0, -8.0])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_push_is_found_whichever_way_the_motor_turns(kp, sign):
-    """Gains are negative where a motor is mounted the other way round, as on most joints of an arm."""
+def test_a_push_is_found_with_both_signs_of_the_gains(kp, sign):
+    """Gains are negative for motors that are mounted in reverse, as on most joints of an arm."""
     part = SimpleNamespace(names=["elbow"])
     test = kept_test("JointLimits", robot_part=part, gains={0: Pid(kp=kp, max_output=60.0)}, beyond=[2.0], near=[0.5])
     test.wanted = {"upper": [np.nan], "lower": [np.nan]}

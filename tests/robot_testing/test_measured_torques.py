@@ -1,4 +1,4 @@
-"""What tests of torques make of measured torques: of their noise, of some that are no numbers, and of dead sensors."""
+"""Measured torques in torque tests: noise, values that are not finite, and dead sensors."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from rtf.robot_testing.routines import run_to_end
+from rtf.robot_testing.motion.routines import run_to_end
 from rtf.robot_testing.torque_control import holding_torques
 from rtf.testing.verdict import Inconclusive, SkipTest, TestFailure, TestProblem
 
@@ -26,7 +26,7 @@ MODEL = np.linspace(-1.0, 2.0, 20)
 
 @pytest.fixture
 def bench() -> Iterator[PartBench]:
-    """The bench; its sensors have a noise of 0.15 Nm about the numbers of its joints."""
+    """The bench; its sensors have a noise of 0.15 Nm about the values of its joints."""
     with ExitStack() as stack:
         bench = PartBench(stack)
         show, chance = bench.device.fill_state, np.random.default_rng(1)
@@ -40,16 +40,16 @@ def bench() -> Iterator[PartBench]:
         yield bench
 
 
-def test_a_torque_is_measured_for_a_while(bench):
-    """A single state of such a sensor is beyond the limit of 0.3 Nm once in twenty times; what is judged never is."""
+def test_torques_are_averaged(bench):
+    """A single state is beyond the limit of 0.3 Nm once in twenty times, and the mean never is."""
     test = kept_test("TorqueControlConsistency", robot_part=bench.part)
     found = [test._measure(bench.part, [2, 0], bench.board.encoders())[0] for _ in range(60)]
     assert np.std(found, axis=0) == pytest.approx(0.15 / np.sqrt(5), rel=0.3)
     assert np.abs(np.array(found) - [2, 0]).max() < 0.3
 
 
-def test_a_joint_that_goes_far_is_not_measured_on(bench):
-    """It is held at once."""
+def test_a_joint_that_moves_far_is_held_at_once(bench):
+    """Its torque is not measured any longer."""
     test = kept_test("TorqueControlConsistency", robot_part=bench.part)
     before, begin = bench.board.encoders(), bench.time.now()
     bench.device.shown[2] = before[2] + 15.0
@@ -60,8 +60,8 @@ def test_a_joint_that_goes_far_is_not_measured_on(bench):
 
 
 @pytest.mark.parametrize("joint", [0, 1])
-def test_a_torque_that_is_no_number_holds_no_joint(bench, joint):
-    """Neither one that is tested, nor one that would be told its own because it shares motors with that."""
+def test_a_torque_that_is_not_finite_holds_no_joint(bench, joint):
+    """Neither the tested joint, nor one that shares its motors and would get its own torque."""
     test = kept_test("TorqueControlAccuracy", simulated=True)
     run_to_end(bench.part, holding_torques(test, bench.part, [0], 0.2), pace=0.02)
     show = bench.device.fill_state
@@ -77,7 +77,7 @@ def test_a_torque_that_is_no_number_holds_no_joint(bench, joint):
 
 
 def weighed(measured, model=MODEL, hidden=0.0):
-    """What the test of gravity says of a joint."""
+    """Return the results of the gravity test for a joint."""
     test = kept_test("TorqueControlGravityConsistency")
     test.resolve_parameters(param="--part left_arm")
     test._judge("elbow", np.asarray(measured), model, hidden)
@@ -86,8 +86,8 @@ def weighed(measured, model=MODEL, hidden=0.0):
 
 @pytest.mark.parametrize("model", [MODEL, 0.05 * MODEL])
 @pytest.mark.parametrize("value", [0.0, 0.4])
-def test_a_torque_that_never_changes_is_none(value, model):
-    """However little gravity varies; a mean may be rounded."""
+def test_a_constant_torque_is_no_measurement(value, model):
+    """However little gravity varies; the mean may be rounded."""
     measured = np.full(model.size, value)
     measured[3] = np.nextafter(value, 1.0)
     with pytest.raises(TestFailure, match=f"elbow measures {value:g} Nm in all postures; likely: no torque estimates"):
@@ -95,8 +95,8 @@ def test_a_torque_that_never_changes_is_none(value, model):
 
 
 @pytest.mark.parametrize("factor", [-1.0, 0.5, 1.5, 2.0])
-def test_a_wrong_factor_is_no_gain_of_a_healthy_joint(factor):
-    """Whatever the noise is: it fails or is inconclusive, and does not pass."""
+def test_a_wrong_gain_never_passes(factor):
+    """With any noise it fails or is inconclusive."""
     for deviation in (0.0, 0.05, 0.1, 0.2, 0.4):
         noise = np.random.default_rng(3).normal(0.0, deviation, MODEL.size)
         kept = weighed(factor * (MODEL + noise))
@@ -104,8 +104,8 @@ def test_a_wrong_factor_is_no_gain_of_a_healthy_joint(factor):
         assert deviation > 0.1 or kept.failures
 
 
-def test_a_gain_that_is_not_known_well_is_inconclusive():
-    """The joint is healthy for all that is known, and the rest of it is judged."""
+def test_an_uncertain_gain_is_inconclusive():
+    """The other characteristics of the joint are judged."""
     kept = weighed(MODEL + np.random.default_rng(3).normal(0.0, 0.5, MODEL.size))
     assert "the torques scatter too much: the interval of the gain is " in str(kept.ended["gain"])
     assert isinstance(kept.ended["gain"], Inconclusive)
@@ -113,8 +113,8 @@ def test_a_gain_that_is_not_known_well_is_inconclusive():
     assert not weighed(MODEL + np.random.default_rng(3).normal(0.0, 0.05, MODEL.size)).ended
 
 
-def test_of_a_joint_that_gravity_hardly_loads_the_offset_is_judged():
-    """It is told that its gain is not."""
+def test_with_little_gravity_only_the_offset_is_judged():
+    """It is reported that the gain is not judged."""
     model = 0.05 * MODEL
     kept = weighed(model + np.random.default_rng(3).normal(0.0, 0.05, MODEL.size), model)
     assert isinstance(kept.ended["gain"], SkipTest)
@@ -126,8 +126,8 @@ def test_of_a_joint_that_gravity_hardly_loads_the_offset_is_judged():
 
 
 @pytest.mark.parametrize(("model", "hidden"), [(0.3 * MODEL, 0.0), (MODEL, 2.5)])
-def test_a_wrong_sign_is_found_though_gravity_varies_little(model, hidden):
-    """Where friction cannot have turned it; other gains are not judged there."""
+def test_a_wrong_sign_is_found_with_little_gravity(model, hidden):
+    """If friction cannot explain it; other gains are not judged then."""
     noise = np.random.default_rng(3).normal(0.0, 0.05, MODEL.size)
     inverted = weighed(-model + noise, model, hidden)
     assert any("gain" in one for one in inverted.failures)
@@ -138,8 +138,8 @@ def test_a_wrong_sign_is_found_though_gravity_varies_little(model, hidden):
     assert "gain" not in weighed(-0.1 * model + noise, 0.1 * model, hidden).values
 
 
-def test_the_files_of_the_original_are_read():
-    """What it asked its own server of models for is not needed."""
+def test_parameter_files_of_the_original_are_read():
+    """Parameters for its own model server are not needed."""
     test = kept_test("TorqueControlGravityConsistency")
     test.resolve_parameters(param="--wbi_conf_file yarpWholeBodyInterface.ini --local gravity --part left_leg")
     assert test.part == "left_leg"

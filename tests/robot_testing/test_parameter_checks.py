@@ -1,4 +1,4 @@
-"""Parameters of robot tests that are looked at before there is a robot."""
+"""Checks of the parameters of robot tests before a robot is used."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from rtf.testing.parameters import ParameterError
 
 
 class Swings(JointsTest):
-    """A test with lists for its joints, and one that is something else."""
+    """A test with lists for its joints, and one other list."""
 
     not_per_joint = ("matrix",)
 
@@ -19,7 +19,7 @@ class Swings(JointsTest):
 
 
 def given(**values: str) -> Swings:
-    """The test with some values."""
+    """Return the test with these values."""
     test = Swings()
     test.resolve_parameters(param="", parameters=[*values.items()])
     return test
@@ -39,13 +39,13 @@ def given(**values: str) -> Swings:
         {"inject": "latency /icubSim/head/state:o"},
     ],
 )
-def test_one_value_or_one_for_each_joint_is_right(values):
-    """So are none, other lists, and faults that there are."""
+def test_one_value_or_one_for_each_joint_is_accepted(values):
+    """So are empty lists, other lists, and existing faults."""
     assert given(**values).parameter_warnings == ()
 
 
-def test_all_that_is_wrong_is_told_at_once():
-    """A line for each list, and for each number of a fault; with the place."""
+def test_all_errors_are_reported_at_once():
+    """One line for each list and each number of a fault, with its place."""
     with pytest.raises(ParameterError) as caught:
         given(joints="(0 1 2)", speed="(1 2)", home="(1 2 3 4)", inject="jam l_elbow torque=-1 force=3")
     assert len(caught.value.problems) == 4
@@ -67,14 +67,14 @@ def test_all_that_is_wrong_is_told_at_once():
         ("jam l_elbow torque=nan", "torque is from 0"),
     ],
 )
-def test_a_fault_that_cannot_be_is_refused(text, told):
-    """Its kind, its joint and its numbers are those that the simulator would take."""
+def test_an_invalid_fault_is_refused(text, told):
+    """Its kind, its joint and its numbers have to be those of the simulator."""
     with pytest.raises(ParameterError, match=told):
         given(inject=text)
 
 
-def test_ends_that_are_swapped_are_told_of():
-    """They are taken, for files of old have such; a joint whose ends are the same does not move."""
+def test_swapped_ends_are_reported():
+    """They are accepted, as old files have them; with equal ends the joint does not move."""
     swapped, same = given(joints="(0 1 2)", min="(0 5 5)", max="(9 -5 5)").parameter_warnings
     assert swapped == "max: element 1 is -5, below that of min, 5: the joint moves to its lower end first (<parameter>)"
     assert same == "max: element 2 is 5, equal to that of min: the joint does not move (<parameter>)"

@@ -1,4 +1,4 @@
-"""Tests that judge times of a robot whose clock is not that of their machine."""
+"""Tests that judge times, with a robot whose clock differs from the machine's."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from rtf.robot.control_modes import ControlMode
-from rtf.robot_testing.routines import run_to_end
-from rtf.robot_testing.sine import RampedSine
-from rtf.robot_testing.step_response import step_response
+from rtf.robot_testing.judging.sine import RampedSine
+from rtf.robot_testing.judging.step_response import step_response
+from rtf.robot_testing.motion.routines import run_to_end
 
 from .kept_test import kept_test
 from .part_bench import PartBench
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 
 @pytest.fixture(params=[0.1, -0.1, 1e6])
 def bench(request: pytest.FixtureRequest) -> Iterator[PartBench]:
-    """A board whose clock is so many seconds ahead of the test's."""
+    """A board whose clock is ahead of the test's by these seconds."""
     with ExitStack() as stack:
         bench = PartBench(stack, local=True)
         bench.device.ahead = request.param
         yield bench
 
 
-def test_a_step_is_answered_when_it_is(bench: PartBench):
-    """The joint follows at once, by the next state."""
+def test_the_delay_of_a_step_is_without_the_offset(bench: PartBench):
+    """The joint follows at once, in the next state."""
     test = kept_test("PositionControlAccuracy", robot_part=bench.part, clock=bench.time, chosen=[0])
     test.robot_name, test.starts, test.step = "bot", {0: (0.0, 1.0)}, 1.0
     cycle = run_to_end(bench.part, test._cycle(0), pace=test.sample_time)
@@ -41,8 +41,8 @@ def test_a_step_is_answered_when_it_is(bench: PartBench):
     assert "the robot's clock is" in test.kept.reports[0]
 
 
-def test_a_sine_is_followed_when_it_is(bench: PartBench):
-    """A tenth of a second would be a distance of two degrees."""
+def test_the_delay_of_a_sine_is_without_the_offset(bench: PartBench):
+    """A tenth of a second would be an error of two degrees."""
     test = kept_test("PositionDirect", robot_part=bench.part, clock=bench.time, chosen=[0], middle=np.zeros(1))
     test.frequency, test.sine = 1.0, RampedSine(np.array([3.0]), 1.0, 1.0)
     bench.part.set_mode(ControlMode.POSITION_DIRECT)
@@ -52,8 +52,8 @@ def test_a_sine_is_followed_when_it_is(bench: PartBench):
     assert test.kept.values["delay"] <= 0.03
 
 
-def test_a_move_rises_from_when_it_was_told(bench: PartBench):
-    """Where its states seem to have come before the command, or long after it."""
+def test_the_rise_of_a_move_begins_at_its_command(bench: PartBench):
+    """Although its stamps seem to be before the command, or long after it."""
     test = kept_test("MotorTest", robot_part=bench.part, clock=bench.time, chosen=[0])
     test.targets, test.speeds = np.array([10.0]), np.array([20.0])
     test.low, test.high = test.targets - 1.0, test.targets + 1.0

@@ -41,9 +41,9 @@ JOINT = "l_elbow"
 ELBOW = INDEX[JOINT]
 HERE = np.array([ELBOW])
 #: What of the boards is not state: where it is kept, and what is computed anew at each step.
-_NOT_STATE = {"plant", "axes", "data", "law", "references", "_scratch", "_snapshot"}
-#: The numbers of the control law that its configuration and the modes make.
-_LAW = ("kp_kd", "ki", "limit", "_bias")
+_NOT_STATE = {"plant", "axes", "data", "controllers", "setpoints", "_scratch", "_snapshot"}
+#: The numbers of the controllers that follow from their configuration and the modes.
+_CONTROLLERS = ("kp_kd", "ki", "limit", "_bias")
 
 
 @cache
@@ -174,7 +174,7 @@ def health(bench: Bench) -> dict[str, object]:
     boards = bench.boards
     names = [name for name in vars(boards) if name.startswith("configured_") or name.endswith("_faults")]
     names += ["minimum", "maximum", "limit_slack", "pids", "max_current"]
-    found = numbers_of(boards, names) | numbers_of(boards.controllers, _LAW)
+    found = numbers_of(boards, names) | numbers_of(boards.controllers, _CONTROLLERS)
     engine = bench.simulation.plant.model
     found["friction"], found["gains"] = engine.dof_frictionloss.tobytes(), engine.actuator_gainprm.tobytes()
     found["pushed"] = bench.simulation.data.qfrc_applied.tobytes()
@@ -195,7 +195,7 @@ def state(bench: Bench) -> dict[str, object]:
         **physics,
         **numbers_of(bench.boards, vars(bench.boards).keys() - _NOT_STATE),
         "gathered": bench.boards.controllers._base.tobytes(),
-        "references": numbers_of(bench.boards.setpoints, vars(bench.boards.setpoints)),
+        "setpoints": numbers_of(bench.boards.setpoints, vars(bench.boards.setpoints)),
         "random": str(bench.simulation.random.bit_generator.state),
     }
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from harness import run_suite
 from rtf.bottle import Bottle
-from rtf.robot_testing.checked_values import CheckedValue, judge_values
+from rtf.robot_testing.judging.checked_values import CheckedValue, judge_values
 from rtf.testing import Parameter, TestCase
 from rtf.testing.measurement import Unit
 from rtf.testing.session import Session

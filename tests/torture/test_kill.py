@@ -20,7 +20,7 @@ from junitparser import JUnitXml
 
 from harness import Command, marked, read_back, run_command, write_files
 from rtf import clock
-from rtf.robot_testing.ledger import MotionLedger
+from rtf.robot_testing.guard.motion_record import MotionRecord
 from rtf.testing import journal
 from rtf.testing.events import (
     FixtureChanged,
@@ -187,11 +187,11 @@ def test_killed_runner_loses_nothing_and_is_resumed(folder: Path, seed: int):
     was_over = any(isinstance(event, RunEnded) for event in before)
     check_reports(folder, finished)
 
-    ledger = MotionLedger(folder / "rtf-runs/latest")
-    ledger.record_permission("icub", may_move=True)
+    record = MotionRecord(folder / "rtf-runs/latest")
+    record.record_permission("icub", may_move=True)
     resumed = run_command(folder, "--resume", "rtf-runs/latest", "--junit", "live.xml")
     assert resumed.exit_code == 0, resumed.stderr
-    assert not ledger.may_move("icub"), "what somebody said of the robot before the run was resumed is of the past"
+    assert not record.may_move("icub"), "what somebody said of the robot before the run was resumed is of the past"
     events = check_whole(folder)
     second = max(index for index, event in enumerate(events) if isinstance(event, RunStarted))
     again = {event.test for event in events[second:] if isinstance(event, TestStarted)}

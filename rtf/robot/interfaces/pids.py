@@ -1,4 +1,4 @@
-"""The controllers of a board: their gains, references, errors and outputs."""
+"""The controllers of a board: their gains, setpoints, errors and outputs. YARP calls setpoints references."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Pid(NamedTuple):
 
 
 class IPidControl(ABC):
-    """PID controllers. References and errors are in deg, deg/s, Nm or A, depending on the type."""
+    """PID controllers. Setpoints and errors are in deg, deg/s, Nm or A, depending on the type."""
 
     @abstractmethod
     def pid(self, kind: PidType, joint: int) -> Pid:
@@ -67,15 +67,15 @@ class IPidControl(ABC):
 
     @abstractmethod
     def pid_references(self, kind: PidType, joints: AxisSelection = None) -> FloatArray:
-        """Return the present references of the controllers."""
+        """Return the present setpoints of the controllers."""
 
     @abstractmethod
     def set_pid_references(self, kind: PidType, values: Values, joints: AxisSelection = None) -> None:
-        """Set the references of the controllers directly."""
+        """Set the setpoints of the controllers directly."""
 
     @abstractmethod
     def pid_errors(self, kind: PidType, joints: AxisSelection = None) -> FloatArray:
-        """Return the control errors: reference minus measurement."""
+        """Return the control errors: setpoint minus measurement."""
 
     @abstractmethod
     def pid_outputs(self, kind: PidType, joints: AxisSelection = None) -> FloatArray:
@@ -95,7 +95,7 @@ class IPidControl(ABC):
 
     @abstractmethod
     def reset_pid(self, kind: PidType, joint: int) -> None:
-        """Reset the integral; the reference becomes the measured value."""
+        """Reset the integral; the setpoint becomes the measured value."""
 
     @abstractmethod
     def enable_pid(self, kind: PidType, joint: int) -> None:

@@ -1,0 +1,38 @@
+"""Limits of joints while a test moves them, and the error of a joint that violates one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rtf.robot.errors import RobotError
+from rtf.testing.verdict import TestFailure
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Limits of a joint while a test moves it. None: no limit."""
+
+    beyond: float = 5.0  # deg outside of its position limits
+    #: Factor of the expected speed: the joint's greatest speed or, if less, twice the commanded speed, but at least
+    #: 80 deg/s. Infinite: no limit.
+    speed: float = 1.5
+    current: float | None = 1.0  # factor of its greatest current
+    torque: float | None = 1.5  # factor of the greatest torque of its motor: more has an external cause
+    temperature: float | None = 1.0  # factor of its temperature limit
+    #: Greatest sudden change of the force at the part's sensor beyond what its motion explains, N. A free limb of the
+    #: simulated robot shows 0.3 N when it falls or stops from full speed, and 13 N with stamps that are wrong by 20 ms.
+    #: A self-collision at 20 deg/s shows 25 N with a finger, 60 to 100 N with any other link.
+    contact: float | None = 15.0
+
+
+class GuardError(RobotError, TestFailure):
+    """A joint violates a limit, and was stopped; the message names the joint, the value and the limit.
+
+    The test fails, as the robot is at fault. It is inconclusive with an ``excuse``: this machine was too busy to
+    control joints. ``joint`` is the number of the joint in the part, -1 if it is unknown.
+    """
+
+    def __init__(self, text: str, joint: int = -1, excuse: str = "") -> None:
+        super().__init__(text)
+        self.joint = joint
+        self.excuse = excuse

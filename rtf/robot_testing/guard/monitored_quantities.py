@@ -1,0 +1,176 @@
+"""Quantities that a guard monitors beside positions and contacts: speed, current, torque, temperature."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from rtf.robot.errors import NotSupportedError, RefusedError, RobotError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from rtf.robot.client.boards import RemoteBoard
+    from rtf.robot.interfaces import FloatArray
+    from rtf.robot_testing.guard.limits import Limits
+
+#: Longest time without a value of a quantity that had been measured, s.
+_SILENT = 0.5
+#: Speed that is always expected, deg/s: on the simulated robot a limp joint falls at up to 90, and one that steps by
+#: 2 deg reaches 41. Boards may allow all joints 1000.
+_USUAL_SPEED = 80.0
+#: Ratio of the peak speed of a move to its commanded speed: a minimum-jerk trajectory has a peak of 15/8.
+_PEAK_RATIO = 2.0
+
+
+class Violation(NamedTuple):
+    """The joints that violate a limit, and the text for one of them."""
+
+    joints: NDArray[np.bool_]
+    describe: Callable[[int], str]
+
+
+class MonitoredPart(NamedTuple):
+    """The part of a quantity: prefix of its ports, names of its joints, and the report of unwatched quantities."""
+
+    name: str
+    joints: Sequence[str]
+    report: Callable[[str], None]
+
+
+class MonitoredQuantity:
+    """A quantity of all joints with its limits ``most``. ``sentence`` has placeholders for a value and its limit.
+
+    A joint without values is reported once as not watched. Values that stop for more than ``_SILENT`` s are a
+    violation.
+    """
+
+    def __init__(
+        self, what: str, part: MonitoredPart, measure: Callable[[], FloatArray], most: FloatArray, sentence: str
+    ) -> None:
+        self.what = what
+        self._part = part
+        self._measure = measure
+        self._most = most
+        self._sentence = sentence
+        self._measured = np.zeros(len(most), dtype=bool)
+        self._missing_since = np.full(len(most), np.inf)  # since when the value is missing, s of the robot's clock
+        self._reported: set[int] = set()
+
+    @property
+    def limited(self) -> bool:
+        """Whether there is a limit for any joint."""
+        return bool(np.isfinite(self.most(np.zeros(len(self._most)))).any())
+
+    def check(self, now: float) -> Iterator[Violation]:
+        """Yield the joints above their limits, and those whose values have stopped; ``now`` is the robot's time (s)."""
+        why = "there are no values"
+        try:
+            values = np.abs(self._measure())
+        except (NotSupportedError, RefusedError) as error:
+            values, why = np.full(len(self._most), np.nan), str(error)
+        most = self.most(values)
+        yield Violation(values > most, lambda joint: self._sentence.format(values[joint], most[joint]))
+        unknown = np.isnan(values) & np.isfinite(most)
+        self._report(unknown, why)
+        self._measured |= ~np.isnan(values)
+        # The clock may also be set back.
+        self._missing_since = np.where(unknown, np.minimum(self._missing_since, now), np.inf)
+        silent = self._measured & (now - self._missing_since >= _SILENT)
+        yield Violation(silent, lambda _: f"has had no {self.what} for {_SILENT:g} s, which is limited: {why}")
+
+    def most(self, values: FloatArray) -> FloatArray:
+        """Return the limits for the current values; infinite if there is no limit."""
+        del values
+        return self._most
+
+    def _report(self, unknown: NDArray[np.bool_], why: str) -> None:
+        joints = [int(joint) for joint in np.flatnonzero(unknown) if joint not in self._reported]
+        self._reported.update(joints)
+        if joints:
+            names = ", ".join(self._part.joints[joint] for joint in joints)
+            self._part.report(f"the {self.what} of {self._part.name} is not watched: {why} ({names})")
+
+
+class MonitoredSpeed(MonitoredQuantity):
+    """Joint speeds (deg/s), limited to ``share`` times the expected speed, see ``Limits.speed``.
+
+    The commanded speeds are read from the board when a joint would be too fast without them.
+    """
+
+    def __init__(self, board: RemoteBoard, part: MonitoredPart, share: float, fastest: FloatArray) -> None:
+        sentence = "turns at {:.0f} deg/s, too fast: more than {:.0f} deg/s"
+        super().__init__("speed", part, board.encoder_speeds, fastest, sentence)
+        self._commanded_speeds = board.reference_speeds
+        self._share = share
+        self._commanded = np.zeros(len(fastest))
+
+    def most(self, values: FloatArray) -> FloatArray:
+        """See MonitoredQuantity. The limits never fall: a slower command must not stop the move that is under way."""
+        if (values > self._expected()).any():
+            with suppress(RobotError):  # the board does not report commanded speeds
+                self._commanded = np.fmax(self._commanded, self._commanded_speeds())
+        return self._expected()
+
+    def _expected(self) -> FloatArray:
+        expected: FloatArray = np.minimum(self._most, np.maximum(_USUAL_SPEED, _PEAK_RATIO * self._commanded))
+        return self._share * expected
+
+
+def state_quantities(
+    board: RemoteBoard,
+    part: MonitoredPart,
+    limits: Limits,
+    fastest: FloatArray,
+    currents: Sequence[float | None],
+) -> list[MonitoredQuantity]:
+    """Return the quantities of the state message that have a limit for some joint; boards report 0 A for no limit."""
+    found: list[MonitoredQuantity] = []
+    if limits.speed < np.inf:
+        found.append(MonitoredSpeed(board, part, limits.speed, fastest))
+    if limits.current is not None:
+        amperes = limits.current * np.array([most or np.inf for most in currents])
+        sentence = "draws {:.2f} A, too much: more than {:.2f} A"
+        found.append(MonitoredQuantity("current", part, board.currents, amperes, sentence))
+    if limits.torque is not None:
+        torques = limits.torque * greatest(board, lambda joint: max(map(abs, board.torque_range(joint))))
+        sentence = "has a torque of {:.1f} Nm, too much: more than {:.1f} Nm"
+        found.append(MonitoredQuantity("torque", part, board.torques, torques, sentence))
+    return [one for one in found if one.limited]
+
+
+def temperatures(board: RemoteBoard, part: MonitoredPart, limits: Limits) -> MonitoredQuantity | None:
+    """Return the motor temperatures, which need a request to the board; None without a limit."""
+    if limits.temperature is None:
+        return None
+    most = limits.temperature * greatest(board, board.temperature_limit)
+    sentence = "has {:.0f} degC, too hot: more than {:.0f} degC"
+    found = MonitoredQuantity("temperature", part, board.temperatures, most, sentence)
+    return found if found.limited else None
+
+
+def greatest(board: RemoteBoard, request: Callable[[int], float]) -> FloatArray:
+    """Return the limits of all joints that ``request`` reads from the board; infinite if there is none.
+
+    Boards answer 0, or refuse, for joints without such a limit; some support no such limits at all.
+    """
+
+    def most(joint: int) -> float:
+        try:
+            return request(joint) or np.inf
+        except RefusedError:
+            return np.inf
+
+    try:
+        return np.array([most(joint) for joint in range(board.axes())])
+    except NotSupportedError:
+        return np.full(board.axes(), np.inf)
+
+
+def greatest_speeds(board: RemoteBoard) -> FloatArray:
+    """Return the greatest speeds of all joints by their board (deg/s); infinite if it has none."""
+    return greatest(board, lambda joint: board.velocity_limits(joint)[1])

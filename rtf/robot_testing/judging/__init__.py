@@ -1,0 +1,1 @@
+"""Evaluation of measurements: statistics, step responses, kinematics, likely causes. It knows no board and no port."""

@@ -1,0 +1,201 @@
+"""Swinging joints between two ends while joint and motor encoders are compared, for tests of encoders."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from rtf.robot_testing.guard.limits import GuardError
+from rtf.robot_testing.motion.part import PACE
+from rtf.robot_testing.motion.routines import run_to_end, until
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Sequence
+
+    from rtf.robot.interfaces import FloatArray
+    from rtf.robot_testing.guard.transmission import Transmission
+    from rtf.robot_testing.motion.part import Part
+    from rtf.robot_testing.motion.routines import Routine
+
+#: Distance to a limit, deg.
+_ROOM = 2.0
+#: A joint encoder counts as frozen if the motor has turned the joint by this angle, deg, and the encoder shows less
+#: than this share of it. The play of a gearbox is less. After a stop by the guard the second, smaller way is enough.
+_UNSEEN, _SUSPECT, _SEEN_SHARE = 4.0, 1.0, 0.2
+#: Time-out of a swing: a multiple of its expected time, and additional seconds.
+_TIMES, _GRACE = 2.0, 5.0
+
+
+class Ends(NamedTuple):
+    """The ends of a joint's swing (deg)."""
+
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """The outcome of swings: ``complaint``, a failure text without its subject ("" if none), and its findings.
+
+    With an ``excuse`` it is no fault of the joint, see GuardError.
+    """
+
+    complaint: str = ""
+    findings: tuple[str, ...] = ()
+    excuse: str = ""
+
+
+def ends_of(part: Part, joint: int, width: float, low: float | None = None, high: float | None = None) -> Ends:
+    """Return the ends of a joint's swing: the given ones, or ``width`` deg about its home, shifted into its limits."""
+    least, most = float(part.low[joint]), float(part.high[joint])
+    room = min(_ROOM, (most - least) / 4)
+    half = min(width, most - least - 2 * room) / 2
+    centre = float(np.clip(part.home[joint], least + room + half, most - room - half))
+    return Ends(centre - half if low is None else low, centre + half if high is None else high)
+
+
+class JointSwinger:
+    """Swings the joints of one part. A joint that fails is excluded and left without power; the others go on.
+
+    The joints coupled with it are excluded, too: boards leave such joints idle together, and the motions of their
+    motors cannot be told apart any more.
+    """
+
+    def __init__(self, part: Part, transmission: Transmission, *, tolerance: float) -> None:
+        self.part = part
+        self.transmission = transmission
+        self.tolerance = tolerance
+        self._doubts: dict[int, str] = {}
+
+    def lost(self, joint: int) -> bool:
+        """Whether a joint was excluded."""
+        return self.part.guard is not None and self.part.guard.is_excluded(joint)
+
+    def in_doubt(self, joint: int) -> str:
+        """Return why a joint cannot be judged: it is coupled with an excluded one; "" for any other joint."""
+        return self._doubts.get(joint, "")
+
+    def exclude(self, joints: Collection[int]) -> None:
+        """Exclude joints and those that are coupled with them; leave all of them without power."""
+        guard = self.part.guard
+        if guard is None:
+            return
+        for joint in joints:
+            guard.exclude(joint, "it does not obey its commands")
+        for joint in joints:
+            self._doubts |= guard.exclude_coupled(joint, "which was left without power")
+
+    def swinging(self, joint: int, ends: Ends, count: int, speed: float) -> Routine[Outcome]:
+        """Move one joint through ``count`` half-swings and home again. A joint that the guard stops is excluded."""
+        targets = [ends.high if number % 2 == 0 else ends.low for number in range(count)]
+        try:
+            for target in (*targets, float(self.part.home[joint])):
+                outcomes = yield from self.moving([target], [joint], [speed])
+                if outcomes:
+                    return outcomes[joint]
+        except GuardError as error:
+            self.exclude([joint])
+            return Outcome(f"had to be stopped: {error}", ("runs away",), error.excuse)
+        return Outcome()
+
+    def go(
+        self, targets: Sequence[float] | FloatArray, joints: Sequence[int], speeds: Sequence[float]
+    ) -> dict[int, Outcome]:
+        """Move joints together and wait. Exclude those that do not arrive, and return their outcomes."""
+        return run_to_end(self.part, self.moving(targets, joints, speeds), pace=PACE)
+
+    def moving(
+        self, targets: Sequence[float] | FloatArray, joints: Sequence[int], speeds: Sequence[float]
+    ) -> Routine[dict[int, Outcome]]:
+        """Return the routine of ``go``."""
+        part = self.part
+        failed = {j: self._lost_before(j) for j in joints if self.lost(j)}
+        going = [j for j in joints if j not in failed]
+        if not going:
+            return failed
+        wanted, pace = (
+            np.array([value for value, j in zip(values, joints, strict=True) if j not in failed])
+            for values in (targets, speeds)
+        )
+        watch = _Watch(part, self.transmission, going, wanted, self.tolerance)
+        seconds = float(np.nanmax(_TIMES * watch.away / pace, initial=0.0)) + _GRACE
+        part.board.set_reference_speeds(pace, going)
+        part.board.position_move(wanted, going)
+        try:
+            yield from until(part.clock, watch.over, seconds)
+            unseen = watch.unseen(_UNSEEN)
+        except GuardError:
+            watch.update()
+            unseen = watch.unseen(_SUSPECT)
+            if not unseen:
+                raise
+        late = _unseen_outcomes(unseen) or watch.late()
+        self.exclude(late)
+        return failed | {j: self._lost_before(j) for j in going if self.lost(j)} | late
+
+    def _lost_before(self, joint: int) -> Outcome:
+        """Return the outcome of a joint that was excluded for another reason than this move."""
+        return Outcome(self._doubts.get(joint, "does not obey any more, and is excluded"), ("sign",))
+
+
+def _unseen_outcomes(unseen: dict[int, float]) -> dict[int, Outcome]:
+    return {
+        joint: Outcome(f"does not move by its encoder, while its motor turns it by {turned:.1f} deg", ("frozen",))
+        for joint, turned in unseen.items()
+    }
+
+
+class _Watch:
+    """Checks whether joints arrive at their targets, and whether a motor turns a joint whose encoder is frozen.
+
+    The controller of a joint with a frozen encoder would turn it on and on. The last state is compared with the state
+    in which the joint was farthest from its target: before that one it went on with its previous move, and a joint that
+    is where it began may have moved there and back.
+    """
+
+    def __init__(
+        self, part: Part, transmission: Transmission, joints: list[int], wanted: FloatArray, tolerance: float
+    ) -> None:
+        self._board = part.board
+        self._transmission = transmission
+        self._joints = joints
+        self._wanted = wanted
+        self._tolerance = tolerance
+        # Rows, at the greatest distance to the target: distance, position, and disagreement with the motor encoder.
+        self._farthest = np.full((3, len(joints)), -np.inf)
+        self.update()
+
+    def update(self) -> None:
+        """Read the positions of joints and motors."""
+        self._here, motors = self._board.encoders_together()
+        self._apart = self._transmission.disagreement(self._here, motors)
+        now = np.array([self.away, self._here[self._joints], self._apart[self._joints]])
+        self._farthest = np.where(now[0] > self._farthest[0], now, self._farthest)
+
+    @property
+    def away(self) -> FloatArray:
+        """The distances of the joints to their targets (deg)."""
+        return np.abs(self._here[self._joints] - self._wanted)
+
+    def over(self) -> bool:
+        """Update; return whether all joints have arrived, or one has a frozen encoder."""
+        self.update()
+        return bool((self.away <= self._tolerance).all()) or bool(self.unseen(_UNSEEN))
+
+    def unseen(self, least: float) -> dict[int, float]:
+        """Return the joints with frozen encoders whose motors turned them by ``least`` deg or more, with that way."""
+        _, here, apart = self._farthest
+        seen, turned = np.abs(self._here[self._joints] - here), np.abs(self._apart[self._joints] - apart)
+        rows = zip(self._joints, seen.tolist(), turned.tolist(), strict=True)
+        return {joint: far for joint, near, far in rows if far > least and near < _SEEN_SHARE * far}
+
+    def late(self) -> dict[int, Outcome]:
+        """Return the outcomes of the joints that have not arrived."""
+        rows = zip(self._joints, self._here[self._joints].tolist(), self._wanted.tolist(), strict=True)
+        return {
+            joint: Outcome(f"does not reach {goal:.1f} deg in time; it is at {where:.1f} deg", ("does not move",))
+            for joint, where, goal in rows
+            if not abs(where - goal) <= self._tolerance
+        }

@@ -1,0 +1,1 @@
+"""Message streams: recording ports, decoding sensor messages, statistics of rates and losses."""

@@ -1,0 +1,60 @@
+"""Statistics and their confidence, for known numbers."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rtf.robot_testing.judging.statistics import confidence, fit_line, periods_of, student
+
+_RUNS = 1000
+
+
+@pytest.mark.parametrize(
+    ("level", "freedom", "table"),
+    [
+        (0.99, 1, 63.657),
+        (0.99, 2, 9.925),
+        (0.99, 3, 5.841),
+        (0.99, 4, 4.604),
+        (0.99, 9, 3.250),
+        (0.99, 1000, 2.581),
+        (0.95, 1, 12.706),
+        (0.95, 5, 2.571),
+    ],
+)
+def test_intervals_of_a_few_values_are_as_wide_as_the_tables_say(level, freedom, table):
+    """Student's distribution, to 1 %."""
+    assert student(level, freedom) == pytest.approx(table, rel=0.01)
+
+
+@pytest.mark.parametrize("count", [3, 6, 11])
+def test_the_true_slope_is_within_its_interval(count):
+    """In 99 of a hundred series, however short they are."""
+    random = np.random.default_rng(count)
+    lines = [fit_line(np.arange(count), random.normal(size=count)) for _ in range(_RUNS)]
+    assert np.mean([abs(line.slope) <= line.slope_interval for line in lines]) > 0.98
+
+
+@pytest.mark.parametrize("count", [2, 3, 6])
+def test_the_true_mean_is_within_its_interval(count):
+    """In 99 of a hundred series; a single value has no interval."""
+    random = np.random.default_rng(count)
+    means = [confidence(random.normal(size=count)) for _ in range(_RUNS)]
+    assert np.mean([abs(mean) <= interval for mean, interval in means]) > 0.98
+    assert confidence([1.0]) == (1.0, math.inf)
+
+
+@pytest.mark.parametrize("missing", [math.nan, math.inf])
+def test_a_fit_of_values_that_are_not_finite_is_refused(missing):
+    """Its slope would be NaN, and pass for a slope of 0."""
+    with pytest.raises(ValueError, match="1 of 4 points are not finite"):
+        fit_line(range(4), [0.0, 1.0, missing, 3.0])
+
+
+def test_the_rate_of_a_steady_stream_has_a_narrow_interval():
+    """A late message makes one period longer and the next one shorter: 2 ms are 0.4 Hz of 100 Hz, not 5."""
+    random = np.random.default_rng(7)
+    found = [periods_of(0.01 * np.arange(201) + random.normal(0.0, 0.002, 201)) for _ in range(_RUNS)]
+    assert np.median([one.rate_interval for one in found]) == pytest.approx(0.37, abs=0.05)
+    assert np.mean([abs(one.rate - 100.0) <= one.rate_interval for one in found]) > 0.98

@@ -1,0 +1,110 @@
+"""Joints that swing while their encoders are compared: failures, and the other joints after one."""
+
+from __future__ import annotations
+
+import math
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+import pytest
+
+from rtf import clock
+from rtf.robot.client.control_board import RemoteControlBoard
+from rtf.robot.control_modes import ControlMode
+from rtf.robot_testing.guard.transmission import Transmission
+from rtf.robot_testing.motion.joint_swings import Ends, JointSwinger
+from rtf.robot_testing.motion.routines import run_queues, run_to_end
+
+from ..part_bench import PartBench  # noqa: TID252 - a neighbour among the tests
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rtf.robot.interfaces import AxisSelection, FloatArray
+    from rtf.robot_testing.motion.routines import Routine
+
+
+class PreemptedBoard(RemoteControlBoard):
+    """A client whose process is suspended for half a second before each reading of the motor encoders."""
+
+    preempted = False
+
+    def motor_encoders(self, motors: AxisSelection = None) -> FloatArray:
+        """See IMotorEncoders."""
+        if self.preempted:
+            clock.current().sleep(0.45)
+        return super().motor_encoders(motors)
+
+
+class Bench(PartBench):
+    """A part that swings."""
+
+    board: PreemptedBoard
+
+    def __init__(self, stack: ExitStack) -> None:
+        super().__init__(stack, PreemptedBoard)
+        self.swinger = JointSwinger(self.part, Transmission.read(self.board), tolerance=1.0)
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    """The bench."""
+    with ExitStack() as stack:
+        yield Bench(stack)
+
+
+def test_joints_that_arrive_pass(bench: Bench):
+    """Together and one alone, although the motors of two joints turn with each other."""
+    assert bench.swinger.go([10.0, 10.0, -10.0], [0, 1, 2], [20.0] * 3) == {}
+    assert bench.swinger.go([-10.0], [1], [20.0]) == {}
+    assert bench.board.encoders() == pytest.approx([10.0, -10.0, -10.0], abs=1.0)
+
+
+def test_a_suspended_process_fails_no_joint(bench: Bench):
+    """Joint and motor encoders of the same time are compared, also when another joint was stopped."""
+    outcomes = {}
+
+    def routine(joint: int) -> Routine[None]:
+        outcomes[joint] = yield from bench.swinger.swinging(joint, Ends(-10.0, 30.0), 1, 10.0)
+
+    bench.board.preempted = True
+    bench.device.speeds = {0: 100.0}
+    run_queues(bench.part, [[[1]]], routine, pace=0.02)
+    assert outcomes[1].complaint.startswith("had to be stopped: joint0")
+
+
+def test_an_undetected_motion_excludes_the_coupled_joints(bench: Bench):
+    """The joint fails; the coupled joint is excluded without a verdict; the others go on."""
+    bench.device.shown = {2: 0.0}
+    outcomes = bench.swinger.go([10.0] * 3, [0, 1, 2], [20.0] * 3)
+    assert "does not move by its encoder," in outcomes[2].complaint
+    assert "is coupled with joint2" in outcomes[1].complaint
+    assert sorted(outcomes) == [1, 2]
+    assert bench.swinger.in_doubt(1) == "is coupled with joint2, which was left without power"
+    assert bench.swinger.in_doubt(2) == bench.swinger.in_doubt(0) == ""
+    assert [bench.guard.is_excluded(joint) for joint in range(3)] == [False, True, True]
+    assert bench.device.control_modes() == (ControlMode.POSITION, ControlMode.IDLE, ControlMode.IDLE)
+    again = bench.swinger.go([0.0] * 3, [0, 1, 2], [20.0] * 3)
+    assert "is coupled with joint2" in again[1].complaint
+    assert "does not obey any more" in again[2].complaint
+
+
+def test_a_joint_that_overruns_before_it_turns_back_has_moved(bench: Bench):
+    """At the end of a swing it still moves, so at the begin of the next it has not been at rest."""
+    routine = bench.swinger.moving([10.0], [0], [20.0])
+    next(routine)
+    for place in (-0.5, -1.0, -1.0, -0.5, 0.0):  # its motor turns by a degree each time
+        bench.device.shown = {0: place}
+        bench.time.sleep(0.05)
+        next(routine)
+    bench.device.shown = {}
+    assert run_to_end(bench.part, routine, pace=0.02) == {}
+
+
+def test_a_joint_without_a_position_has_not_arrived(bench: Bench):
+    """NaN is within no tolerance."""
+    bench.part.guard = None  # which would stop it at once
+    bench.device.shown = {0: math.nan}
+    bench.publish()
+    outcomes = bench.swinger.go([10.0], [0], [20.0])
+    assert "does not reach 10.0 deg in time; it is at nan deg" in outcomes[0].complaint

@@ -1,0 +1,33 @@
+"""The floors of docs/architecture.md: import-linter checks them by the contracts in pyproject.toml."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+PROJECT = Path(__file__).parents[1]
+
+
+def lint_imports(folder: Path) -> subprocess.CompletedProcess[str]:
+    """Check the contracts for the package ``rtf`` in a folder."""
+    program = Path(sys.executable).with_name("lint-imports")
+    command = [program, "--no-cache", "--no-logo", PROJECT / "pyproject.toml"]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
+def test_imports_follow_the_architecture():
+    """No package imports from a higher floor, and no files import each other in a circle."""
+    result = lint_imports(PROJECT)
+    assert result.returncode == 0, result.stdout + result.stderr
+
+
+def test_imports_for_types_count(tmp_path: Path):
+    """A file that needs a higher floor for its annotations only is found, too."""
+    shutil.copytree(PROJECT / "rtf", tmp_path / "rtf", ignore=shutil.ignore_patterns("__pycache__"))
+    with (tmp_path / "rtf/bottle/errors.py").open("a") as file:
+        file.write("from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from rtf.cli.demo import main\n")
+    result = lint_imports(tmp_path)
+    assert result.returncode == 1, result.stdout + result.stderr
+    assert "rtf.bottle.errors -> rtf.cli.demo" in result.stdout
