@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Property
-from rtf.robot.devices.fake_board import FakeBoard
+from rtf.robot.devices.fake_board import FakeBoard, FakeDriver
 
 if TYPE_CHECKING:
-    from rtf.robot.devices.fake_axes import FakeAxes
-    from rtf.robot.interfaces import FloatArray
     from rtf.simulator.simulation import Simulation
 
 #: The axes in the order of the robot's board, with their limits (deg), which hold the positions of its test files.
@@ -27,21 +25,10 @@ class SimulatedFace(FakeBoard):
     """The control board of the face, in the time of a simulation; it is open from its construction."""
 
     def __init__(self, simulation: Simulation) -> None:
-        super().__init__("face")
-        self._simulation = simulation
+        super().__init__("face", driver=FakeDriver(lambda: simulation.now))
         low, high = (" ".join(f"{limits[end]:g}" for limits in _AXES.values()) for end in (0, 1))
-        self.open(
-            Property.parse(
-                f"(GENERAL (Joints {len(_AXES)}) (AxisName ({' '.join(_AXES)}))) (LIMITS (Min ({low})) (Max ({high})))"
-            )
+        configuration = Property.parse(
+            f"(GENERAL (Joints {len(_AXES)}) (AxisName ({' '.join(_AXES)}))) (LIMITS (Min ({low})) (Max ({high})))"
         )
-        simulation.on_reset.append(lambda: self._start(self._axes.minima, self._axes.maxima))
-
-    def _start(self, minima: FloatArray, maxima: FloatArray) -> None:
-        with self._lock:
-            super()._start(minima, maxima)
-            self._axes.time = self._simulation.now
-
-    def _now(self) -> FakeAxes:
-        self._axes.advance(self._simulation.now)
-        return self._axes
+        self.open(configuration)
+        simulation.on_reset.append(lambda: self.open(configuration))

@@ -99,7 +99,7 @@ class SimulatedIcub:
     def _board(self, part: str) -> SimulatedPart | SimulatedFace:
         if part == FACE:
             return SimulatedFace(self.simulation)
-        return SimulatedPart(part, self.simulation.boards, self.simulation.lock)
+        return SimulatedPart(part, self.simulation.boards)
 
     def _open(self, opened: ExitStack, *, lockstep: bool, cameras: bool, clock: str) -> None:
         """Open all ports, the clock last, as the time begins with it."""

@@ -18,7 +18,7 @@ from rtf.middleware.wire.contact import Contact
 from rtf.robot.device import Device
 from rtf.robot.errors import DeviceError
 from rtf.robot.parameters import port_name, positive, wrong
-from rtf.simulator.axes import PARTS, part_slice
+from rtf.simulator.axes import PARTS
 from rtf.simulator.model import Collision, Options, build
 from rtf.simulator.part import SimulatedPart
 from rtf.simulator.simulation import Simulation
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from rtf.middleware.ports.network import Network
     from rtf.robot.extended_state import ExtendedState
     from rtf.simulator.boards import Boards
-    from rtf.simulator.fair_lock import FairLock
 
 
 class SimulatedRobot(Device):
@@ -104,9 +103,7 @@ class SimulatedBoard(SimulatedPart):
         part = as_string(configuration.find("part"))
         if part not in PARTS:
             raise wrong(configuration, "part", f"{part!r} is none of {', '.join(PARTS)}")
-        self.part = part
-        self.own = part_slice(part)
-        self.size = len(PARTS[part])
+        self._be(part)
 
     def attach(self, devices: Mapping[str, Device]) -> None:
         """Attach the board to a simulated robot."""
@@ -119,23 +116,14 @@ class SimulatedBoard(SimulatedPart):
         self.detach()
 
     @property
-    def boards(self) -> Boards:  # type: ignore[override]  # here it may be missing
-        """The boards of all parts."""
-        return self._attached().boards
-
-    @property
-    def lock(self) -> FairLock:  # type: ignore[override]  # likewise
-        """The lock for commands."""
-        return self._attached().lock
-
-    def _attached(self) -> Simulation:
+    def driver(self) -> Boards:
         if self._simulation is None:
             raise DeviceError(f"{self.name} is attached to no simulated robot; its action 'attach' comes first")
-        return self._simulation
+        return self._simulation.boards
 
     def fill_state(self, state: ExtendedState) -> float:
         """See IStateSource. Reads between two steps, as it is called in another thread than the simulation's."""
-        with self.lock:
+        with self.driver.lock:
             return super().fill_state(state)
 
 

@@ -16,7 +16,6 @@ import numpy as np
 from rtf import clock
 from rtf.simulator.boards import Boards
 from rtf.simulator.engine import mujoco
-from rtf.simulator.fair_lock import FairLock
 from rtf.simulator.friction import DryFriction
 from rtf.simulator.model import TIMESTEP
 
@@ -49,7 +48,7 @@ class Simulation:
         self.friction = DryFriction(robot, self.data)
         self.boards = Boards(robot, self.data)
         self.friction.reset()
-        self.lock = FairLock()
+        self.lock = self.boards.lock
         self.on_reset: list[Callable[[], None]] = []
         self.settle: list[Callable[[], None]] = []
         self._noise = np.empty(0)

@@ -248,8 +248,9 @@ class ControlBoardContract:
         """A setting of one joint reads back, and those of others stay."""
         device = self.of(board, interface)
         before, other = getattr(device, get)(0), getattr(device, get)(1)
-        getattr(device, put)(0, before + 1.5)
-        assert getattr(device, get)(0) == pytest.approx(before + 1.5)
+        changed = before - 1.5 if before == 100.0 else before + 1.5  # a duty cycle of 100 per cent is the greatest
+        getattr(device, put)(0, changed)
+        assert getattr(device, get)(0) == pytest.approx(changed)
         assert getattr(device, get)(1) == other
         getattr(device, put)(0, before)
         for call in (getattr(device, get), lambda joint: getattr(device, put)(joint, 1.0)):

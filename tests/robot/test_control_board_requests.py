@@ -59,7 +59,7 @@ CONVERSATION = """
 [get] [pos] 0 > [is] [pos] 1.5 @
 [set] [rels] (1.0 2.0) > ok
 [set] [relg] 1 (1) (0.5) > ok
-[get] [poss] > [is] [poss] (2.5 2.5) @
+[get] [poss] > [is] [poss] (1.0 0.5) @
 [set] [stos] > ok
 [set] [vel] 0 11.0 > ok
 [get] [vel] 0 > [is] [vel] 11.0 @

@@ -15,7 +15,7 @@ from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
 from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.control_modes import ControlMode, InteractionMode
-from rtf.robot.devices.fake_axes import LEAST_MOVE
+from rtf.robot.devices.trajectories import LEAST_MOVE
 from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import IInteractionMode, IRemoteVariables, PidType
 from rtf.simulator.axes import AXES, COUPLINGS, PARTS, joint_to_motor, part_slice
