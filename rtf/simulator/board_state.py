@@ -13,6 +13,7 @@ import numpy as np
 
 from rtf.robot.devices.board_axes import BoardAxis
 from rtf.robot.devices.board_driver import BoardDriver
+from rtf.robot.devices.motor_board import MotorBoard
 from rtf.robot.extended_state import ExtendedState, Field
 from rtf.robot.interfaces import MotorTorqueParameters
 from rtf.simulator.axes import AXES, COUPLINGS, PARTS, joint_to_motor, part_slice
@@ -47,12 +48,11 @@ _TORQUE_PARTS = frozenset({"torso", "left_leg", "right_leg"})
 _TORQUE_ARM_JOINTS = 5
 
 
-class BoardState(BoardDriver):
-    """The motors and sensors of all boards. ``data`` is the state of the physics engine."""
+class BoardState(MotorBoard, BoardDriver):
+    """The motors and sensors of all boards, and their driver. ``data`` is the state of the physics engine."""
 
     period = None
     steps_a_second = STEPS_A_SECOND
-    CALIBRATION = (0.5, 0.01)
     tick: int
     lock: FairLock
     trajectories: SetpointBlocks
@@ -68,7 +68,7 @@ class BoardState(BoardDriver):
         self._exerts: FloatArray = data.actuator_force
         self._hastens: FloatArray = data.qacc
         self._jacobian = robot.jacobian
-        super().__init__(FairLock())
+        super().__init__(self, FairLock())
         # Active faults: functions that change their arguments. Empty in a healthy robot.
         self.encoder_faults: list[Callable[[FloatArray, FloatArray, float], None]] = []
         self.motor_encoder_faults: list[Callable[[FloatArray, FloatArray, float], None]] = []
@@ -84,6 +84,9 @@ class BoardState(BoardDriver):
         """Return the axes: the hardware is the simulation."""
         del configuration
         return board_axes(AXES, self.robot.axis_inertia(self.data))
+
+    def update(self) -> None:
+        """Do nothing: the simulation keeps the state up to date."""
 
     def disconnect(self) -> None:
         """Do nothing: the boards live as long as the simulation."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from rtf.robot.device import Device
 from rtf.robot.devices.control_board import ControlBoard
 from rtf.simulator.axes import COUPLINGS, PARTS, part_slice
 
@@ -17,7 +18,7 @@ class SimulatedPart(ControlBoard):
     """A control board of the simulated robot; it lives as long as the simulation."""
 
     def __init__(self, part: str, boards: Boards) -> None:
-        super().__init__(part, driver=boards)
+        Device.__init__(self, part)
         self._boards = boards
         self._be(part)
 
@@ -26,7 +27,7 @@ class SimulatedPart(ControlBoard):
         self._spans = [slice(block.first, block.first + block.size) for block in COUPLINGS[part]]
 
     @property
-    def driver(self) -> Boards:
+    def board(self) -> Boards:
         return self._boards
 
     def open(self, configuration: Property) -> None:

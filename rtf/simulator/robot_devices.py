@@ -116,14 +116,14 @@ class SimulatedBoard(SimulatedPart):
         self.detach()
 
     @property
-    def driver(self) -> Boards:
+    def board(self) -> Boards:
         if self._simulation is None:
             raise DeviceError(f"{self.name} is attached to no simulated robot; its action 'attach' comes first")
         return self._simulation.boards
 
     def fill_state(self, state: ExtendedState) -> float:
         """See IStateSource. Reads between two steps, as it is called in another thread than the simulation's."""
-        with self.driver.lock:
+        with self.board.lock:
             return super().fill_state(state)
 
 

@@ -30,7 +30,7 @@ from rtf.robot.control_modes import (
     answer,
 )
 from rtf.robot.device import Device
-from rtf.robot.errors import RefusedError, RobotError
+from rtf.robot.errors import NotSupportedError, RefusedError, RobotError
 from rtf.robot.interfaces import (
     CalibrationParameters,
     IAmplifierControl,
@@ -131,6 +131,8 @@ class ControlBoardContract:
     SMALL: ClassVar[float] = 0.25
     #: Interfaces that this kind of board has not got.
     LACKING: ClassVar[tuple[type[Any], ...]] = ()
+    #: Methods of measurements that it does not have, though it has their interfaces.
+    UNMEASURED: ClassVar[frozenset[str]] = frozenset()
 
     @pytest.fixture
     def board(self) -> Device:
@@ -215,7 +217,10 @@ class ControlBoardContract:
         self.settle()
         read = getattr(self.of(board, interface), method)
         axes = self.of(board, IAxisInfo).axes()
-        if method != "motion_done":
+        if method in self.UNMEASURED:
+            with pytest.raises(NotSupportedError):
+                read()
+        elif method != "motion_done":
             every = list(read())
             assert len(every) == axes
             assert list(read(1)) == every[1:2]
@@ -332,21 +337,32 @@ class ControlBoardContract:
         assert self.of(board, IAmplifierControl).amplifier_status(1) == (0,)
 
     def test_interaction_modes_outlast_control_modes(self, board: Device):
-        """Whether a joint is compliant has nothing to do with how it is controlled."""
+        """Whether a joint is compliant has nothing to do with how it is controlled. Some joints cannot be."""
         modes = self.of(board, IInteractionMode)
-        modes.set_interaction_modes(InteractionMode.COMPLIANT, 0)
+        flags = self.can_be_compliant(board)
+        for joint, can in enumerate(flags):
+            if can:
+                modes.set_interaction_modes(InteractionMode.COMPLIANT, joint)
+            else:
+                with pytest.raises(RefusedError):
+                    modes.set_interaction_modes(InteractionMode.COMPLIANT, joint)
+        expected = tuple(InteractionMode.COMPLIANT if can else InteractionMode.STIFF for can in flags)
         for mode in (ControlMode.VELOCITY, ControlMode.IDLE, ControlMode.POSITION):
-            self.enter(board, mode)
-            assert modes.interaction_modes([0, 1]) == (InteractionMode.COMPLIANT, InteractionMode.STIFF)
-        axes = self.of(board, IAxisInfo).axes()
-        modes.set_interaction_modes([InteractionMode.COMPLIANT] * axes)
+            self.enter(board, mode, None)
+            assert modes.interaction_modes() == expected
+            assert modes.interaction_modes([1, 0]) == (expected[1], expected[0])
+        modes.set_interaction_modes([InteractionMode.STIFF] * len(flags))
         self.settle()
-        assert modes.interaction_modes() == (InteractionMode.COMPLIANT,) * axes
+        assert set(modes.interaction_modes()) == {InteractionMode.STIFF}
         modes.set_interaction_modes(InteractionMode.STIFF)
         self.settle()
         assert modes.interaction_mode(0) is InteractionMode.STIFF
         with pytest.raises(RefusedError):
-            modes.set_interaction_modes(InteractionMode.STIFF, axes)
+            modes.set_interaction_modes(InteractionMode.STIFF, len(flags))
+
+    def can_be_compliant(self, board: Device) -> list[bool]:
+        """Which joints can be compliant."""
+        return [True] * self.of(board, IAxisInfo).axes()
 
     # Moves -------------------------------------------------------------------------------------------------------
 

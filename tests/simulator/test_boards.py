@@ -18,7 +18,7 @@ from rtf.robot.control_modes import (
     InteractionMode,
     answer,
 )
-from rtf.robot.devices.board_driver import ERROR_LIMIT, OVERCURRENT, OVERHEATED
+from rtf.robot.devices.motor_board import ERROR_LIMIT, OVERCURRENT, OVERHEATED
 from rtf.robot.errors import RefusedError
 from rtf.simulator.axes import AXES, INDEX, PARTS, part_slice
 from rtf.simulator.boards import Boards
@@ -238,13 +238,13 @@ class TestWatchdogs:
         for axis, mode in ((NECK, ControlMode.VELOCITY), ("torso_yaw", ControlMode.MIXED)):
             rig.enter(axis, mode)
             rig.say(rig.boards.run, axis, 20.0, 1000.0)
-        rig.run(Boards.WATCHDOG - 0.02)
+        rig.run(Boards.watchdog - 0.02)
         for axis in (NECK, "torso_yaw"):
             assert rig.boards.velocity[INDEX[axis]] == pytest.approx(20.0, abs=1.0)
         rig.run(0.3)
         for axis in (NECK, "torso_yaw"):
             assert rig.boards.velocity[INDEX[axis]] == pytest.approx(0.0, abs=0.5)
-            assert rig.at(axis) == pytest.approx(20.0 * Boards.WATCHDOG, abs=0.6)
+            assert rig.at(axis) == pytest.approx(20.0 * Boards.watchdog, abs=0.6)
 
     @pytest.mark.parametrize(
         ("mode", "command", "value"),
@@ -260,7 +260,7 @@ class TestWatchdogs:
         rig.enter(NECK, mode)
         for _ in range(3):
             rig.say(getattr(rig.boards, command), NECK, value)
-            rig.run(Boards.WATCHDOG - 0.02)
+            rig.run(Boards.watchdog - 0.02)
             assert rig.torque(NECK) == pytest.approx(0.5, rel=0.01)
         rig.run(0.04)
         assert rig.torque(NECK) == pytest.approx(0.0, abs=1e-9)

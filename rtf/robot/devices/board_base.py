@@ -1,4 +1,4 @@
-"""Base class of a control board's interfaces: its axes among those of the driver, and the way of commands to them."""
+"""Base class of a control board's interfaces: its axes among those of the motor board, and commands to them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from rtf.robot.control_modes import ControlMode
-    from rtf.robot.devices.board_driver import BoardDriver
+    from rtf.robot.devices.motor_board import MotorBoard
     from rtf.robot.extended_state import Field
     from rtf.robot.interfaces import AxisSelection, FloatArray, Values
 
@@ -28,15 +28,15 @@ _PERIODS, _LEAST_AGE = 10, 0.1
 
 
 class BoardBase(Device):
-    """Some neighbouring axes of a driver, ``own``. Reading takes no lock; commands take it, between two cycles."""
+    """Some neighbouring axes of a motor board, ``own``. Reading takes no lock; commands take it, between two cycles."""
 
     own: slice = slice(0, 0)
     size: int = 0
 
     @property
     @abstractmethod
-    def driver(self) -> BoardDriver:
-        """The driver. Raises DeviceError while there is none."""
+    def board(self) -> MotorBoard:
+        """The motor board. Raises DeviceError while there is none."""
 
     def axes(self) -> int:
         return self.size
@@ -60,18 +60,18 @@ class BoardBase(Device):
 
     def _update(self) -> None:
         """Bring the state up to date. Raises StaleStateError if the hardware has not answered for some periods."""
-        self.driver.update()
-        if self.driver.period is not None:
-            age = self.driver.time() - self.driver.now
-            if age > max(_PERIODS * self.driver.period, _LEAST_AGE):
+        self.board.update()
+        if self.board.driver.period is not None:
+            age = self.board.driver.time() - self.board.read_at
+            if age > max(_PERIODS * self.board.driver.period, _LEAST_AGE):
                 raise StaleStateError(f"{self.name}: the hardware has not answered for {age:.2g} s")
 
     @contextmanager
-    def _between_cycles(self) -> Iterator[BoardDriver]:
-        """Hold the lock of the driver, whose state is up to date."""
-        with self.driver.lock:
-            self.driver.update()
-            yield self.driver
+    def _between_cycles(self) -> Iterator[MotorBoard]:
+        """Hold the lock of the motor board, whose state is up to date."""
+        with self.board.lock:
+            self.board.update()
+            yield self.board
 
     # Values of axes: ``what`` is joint or motor, for messages -----------------------------------------------------
 
@@ -83,7 +83,7 @@ class BoardBase(Device):
         """Return the measurements of the chosen joints."""
         places = None if joints is None else self._places(joints, what)
         self._update()
-        values = self.driver.measured(field)
+        values = self.board.measured(field)
         return values[self.own].copy() if places is None else values[places]
 
     def _setting(self, values: FloatArray, joint: int, what: str = "joint") -> float:
@@ -93,10 +93,10 @@ class BoardBase(Device):
         """Set the values of the chosen joints, and apply them."""
         axes = self._places(joints, what)
         given = values_for(len(axes), values)
-        with self.driver.lock:
+        with self.board.lock:
             into[axes] = given
             for axis in axes.tolist():
-                self.driver.configure(axis)
+                self.board.driver.configure(axis)
 
     def _command(
         self,
@@ -109,7 +109,7 @@ class BoardBase(Device):
         """Pass a command to those of the chosen axes that are in a mode which accepts it."""
         axes = self._places(joints, "motor" if what in ("current", "duty") else "joint")
         given = values_for(len(axes), values)
-        with self._between_cycles() as driver:
-            taken = driver.accept(what, axes.tolist(), modes)
+        with self._between_cycles() as board:
+            taken = board.accept(what, axes.tolist(), modes)
             if taken:
                 execute(axes[taken], given[taken])

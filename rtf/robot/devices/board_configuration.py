@@ -17,14 +17,18 @@ MAX_JOINTS = 1000
 _TYPES = {"revolute": JointType.REVOLUTE, "prismatic": JointType.PRISMATIC}
 
 
-def configured_axes(configuration: Property, default: BoardAxis, joints: int = 1) -> list[BoardAxis]:
+def configured_axes(configuration: Property, default: BoardAxis, joints: int | None = None) -> list[BoardAxis]:
     """Return the axes of a configuration, with the values of ``default`` where it is silent.
 
     Its groups: ``GENERAL`` with ``Joints`` (their number), ``AxisName`` and ``AxisType`` (lists), and ``LIMITS`` with
-    ``Min`` and ``Max`` (deg). Raises ConfigurationError, with the location, for an invalid value.
+    ``Min`` and ``Max`` (deg). ``joints`` is their number on a board that always has as many. Raises ConfigurationError,
+    with the location, for an invalid value.
     """
     general, limits = group_of(configuration, "GENERAL"), group_of(configuration, "LIMITS")
-    joints = count(general, "Joints", joints, MAX_JOINTS)
+    given = count(general, "Joints", joints or 1, MAX_JOINTS)
+    if joints is not None and given != joints:
+        raise wrong(general, "Joints", f"this board has {joints}, not {given}")
+    joints = given
     names = _listed(general, "AxisName", joints) or [f"{default.name}{joint}" for joint in range(joints)]
     types = _listed(general, "AxisType", joints) or ["revolute"] * joints
     minima = _numbers(limits, "Min", joints, default.minimum)

@@ -47,27 +47,27 @@ class BoardMotion(
     # IPositionControl
 
     def position_move(self, targets: Values, joints: AxisSelection = None) -> None:
-        self._command("position", targets, joints, TRAJECTORY_MODES, self.driver.move)
+        self._command("position", targets, joints, TRAJECTORY_MODES, self.board.move)
 
     def relative_move(self, distances: Values, joints: AxisSelection = None) -> None:
-        driver = self.driver
+        board = self.board
         self._command(
             "position",
             distances,
             joints,
             TRAJECTORY_MODES,
-            lambda axes, by: driver.move(axes, driver.trajectories.at(driver.tick, axes)[0] + by),
+            lambda axes, by: board.move(axes, board.trajectories.at(board.tick, axes)[0] + by),
         )
 
     def motion_done(self, joints: AxisSelection = None) -> bool:
         self._update()
-        done, now = self.driver.trajectories.done, self.driver.tick
+        done, now = self.board.trajectories.done, self.board.tick
         if type(joints) is int:  # a fast path, as it is called often
             return bool(done(self._axis(joints), now))
         return bool(done(self._places(joints), now).all())
 
     def target_positions(self, joints: AxisSelection = None) -> FloatArray:
-        return self._read(self.driver.targets, joints)
+        return self._read(self.board.targets, joints)
 
     def set_reference_speeds(self, speeds: Values, joints: AxisSelection = None) -> None:
         """See IPositionControl. Speeds are clipped to the greatest speed of the joint."""
@@ -75,52 +75,52 @@ class BoardMotion(
         given = values_for(len(axes), speeds)
         if (given < 0).any():
             raise RefusedError(f"{self.name}: speeds must not be negative: {given.tolist()}")
-        with self.driver.lock:
-            self.driver.speeds[axes] = np.minimum(given, self.driver.max_velocity[axes])
+        with self.board.lock:
+            self.board.speeds[axes] = np.minimum(given, self.board.max_velocity[axes])
 
     def reference_speeds(self, joints: AxisSelection = None) -> FloatArray:
-        return self._read(self.driver.speeds, joints)
+        return self._read(self.board.speeds, joints)
 
     def set_reference_accelerations(self, accelerations: Values, joints: AxisSelection = None) -> None:
         axes = self._places(joints)
         given = values_for(len(axes), accelerations)
         if (given < 0).any():
             raise RefusedError(f"{self.name}: accelerations must not be negative: {given.tolist()}")
-        with self.driver.lock:
-            self.driver.accelerations[axes] = given
+        with self.board.lock:
+            self.board.accelerations[axes] = given
 
     def reference_accelerations(self, joints: AxisSelection = None) -> FloatArray:
-        return self._read(self.driver.accelerations, joints)
+        return self._read(self.board.accelerations, joints)
 
     def stop(self, joints: AxisSelection = None) -> None:
         axes = self._places(joints)
-        with self._between_cycles() as driver:
-            taken = driver.accept("stop", axes.tolist(), _MOVING)
+        with self._between_cycles() as board:
+            taken = board.accept("stop", axes.tolist(), _MOVING)
             if taken:
-                driver.stop(axes[taken])
+                board.stop(axes[taken])
 
     # IVelocityControl
 
     def velocity_move(self, velocities: Values, joints: AxisSelection = None) -> None:
-        driver = self.driver
+        board = self.board
         self._command(
             "velocity",
             velocities,
             joints,
             VELOCITY_MODES,
-            lambda axes, speeds: driver.run(axes, speeds, driver.accelerations[axes]),
+            lambda axes, speeds: board.run(axes, speeds, board.accelerations[axes]),
         )
 
     def target_velocities(self, joints: AxisSelection = None) -> FloatArray:
-        return self._read(self.driver.velocities, joints)
+        return self._read(self.board.velocities, joints)
 
     # IPositionDirect
 
     def set_positions(self, positions: Values, joints: AxisSelection = None) -> None:
-        self._command("direct", positions, joints, _DIRECT, self.driver.follow)
+        self._command("direct", positions, joints, _DIRECT, self.board.follow)
 
     def reference_positions(self, joints: AxisSelection = None) -> FloatArray:
-        return self._read(self.driver.direct, joints)
+        return self._read(self.board.direct, joints)
 
     # ITorqueControl
 
@@ -128,30 +128,30 @@ class BoardMotion(
         return self._measured(Field.TORQUES, joints)
 
     def torque_range(self, joint: int) -> tuple[float, float]:
-        most = float(self.driver.max_torque[self._axis(joint)])
+        most = float(self.board.max_torque[self._axis(joint)])
         return -most, most
 
     def set_reference_torques(self, torques: Values, joints: AxisSelection = None) -> None:
-        self._command("torque", torques, joints, _TORQUE, self.driver.exert)
+        self._command("torque", torques, joints, _TORQUE, self.board.exert)
 
     def reference_torques(self, joints: AxisSelection = None) -> FloatArray:
-        return self._read(self.driver.torques, joints)
+        return self._read(self.board.torques, joints)
 
     def motor_torque_parameters(self, joint: int) -> MotorTorqueParameters:
-        return self.driver.torque_parameters[self._axis(joint)]
+        return self.board.torque_parameters[self._axis(joint)]
 
     def set_motor_torque_parameters(self, joint: int, parameters: MotorTorqueParameters) -> None:
         axis = self._axis(joint)
         values_for(len(parameters), parameters)
-        with self.driver.lock:
-            self.driver.torque_parameters[axis] = parameters
-            self.driver.configure(axis)
+        with self.board.lock:
+            self.board.torque_parameters[axis] = parameters
+            self.board.driver.configure(axis)
 
     # IImpedanceControl
 
     def impedance(self, joint: int) -> tuple[float, float]:
         axis = self._axis(joint)
-        return float(self.driver.stiffness[axis]), float(self.driver.damping[axis])
+        return float(self.board.stiffness[axis]), float(self.board.damping[axis])
 
     def set_impedance(self, joint: int, stiffness: float, damping: float) -> None:
         axis = self._axis(joint)
@@ -161,19 +161,19 @@ class BoardMotion(
                 f"{self.name} joint {joint}: stiffness {stiffness:g} Nm/deg and damping {damping:g} Nm s/deg are not "
                 f"within {least_k:g} to {most_k:g} and {least_d:g} to {most_d:g}"
             )
-        with self.driver.lock:
-            self.driver.stiffness[axis], self.driver.damping[axis] = stiffness, damping
-            self.driver.configure(axis)
+        with self.board.lock:
+            self.board.stiffness[axis], self.board.damping[axis] = stiffness, damping
+            self.board.driver.configure(axis)
 
     def impedance_offset(self, joint: int) -> float:
-        return self._setting(self.driver.impedance_offset, joint)
+        return self._setting(self.board.impedance_offset, joint)
 
     def set_impedance_offset(self, joint: int, offset: float) -> None:
-        self._write(offset, joint, self.driver.impedance_offset)
+        self._write(offset, joint, self.board.impedance_offset)
 
     def impedance_limits(self, joint: int) -> tuple[float, float, float, float]:
         axis = self._axis(joint)
-        return 0.0, float(self.driver.max_stiffness[axis]), 0.0, float(self.driver.max_damping[axis])
+        return 0.0, float(self.board.max_stiffness[axis]), 0.0, float(self.board.max_damping[axis])
 
     # ICurrentControl
 
@@ -181,22 +181,22 @@ class BoardMotion(
         return self._measured(Field.CURRENTS, motors, "motor")
 
     def current_range(self, motor: int) -> tuple[float, float]:
-        peak = float(self.driver.peak_current[self._axis(motor, "motor")])
+        peak = float(self.board.peak_current[self._axis(motor, "motor")])
         return -peak, peak
 
     def set_reference_currents(self, currents: Values, motors: AxisSelection = None) -> None:
-        self._command("current", currents, motors, _CURRENT, self.driver.drive_currents)
+        self._command("current", currents, motors, _CURRENT, self.board.drive_currents)
 
     def reference_currents(self, motors: AxisSelection = None) -> FloatArray:
-        return self._read(self.driver.currents, motors, "motor")
+        return self._read(self.board.currents, motors, "motor")
 
     # IPWMControl
 
     def set_reference_duty_cycles(self, duties: Values, motors: AxisSelection = None) -> None:
-        self._command("duty", duties, motors, _PWM, self.driver.drive)
+        self._command("duty", duties, motors, _PWM, self.board.drive)
 
     def reference_duty_cycles(self, motors: AxisSelection = None) -> FloatArray:
-        return self._read(self.driver.duties, motors, "motor")
+        return self._read(self.board.duties, motors, "motor")
 
     def duty_cycles(self, motors: AxisSelection = None) -> FloatArray:
         return self._measured(Field.DUTY_CYCLES, motors, "motor")

@@ -58,28 +58,28 @@ class BoardSettings(
     # IAxisInfo
 
     def axis_name(self, joint: int) -> str:
-        return self.driver.names[self._axis(joint)]
+        return self.board.names[self._axis(joint)]
 
     def joint_type(self, joint: int) -> JointType:
-        return self.driver.kinds[self._axis(joint)]
+        return self.board.kinds[self._axis(joint)]
 
     # IControlMode, IInteractionMode, IJointFault
 
     def control_modes(self, joints: AxisSelection = None) -> tuple[ControlMode, ...]:
         axes = self._places(joints)
         self._update()
-        return tuple(ControlMode(mode) for mode in self.driver.mode[axes].tolist())
+        return tuple(ControlMode(mode) for mode in self.board.mode[axes].tolist())
 
     def set_control_modes(self, modes: ControlMode | Sequence[ControlMode], joints: AxisSelection = None) -> None:
-        self._request(modes, joints, self.driver.request_mode)
+        self._request(modes, joints, self.board.request_mode)
 
     def interaction_modes(self, joints: AxisSelection = None) -> tuple[InteractionMode, ...]:
-        return tuple(InteractionMode(mode) for mode in self.driver.interaction[self._places(joints)].tolist())
+        return tuple(InteractionMode(mode) for mode in self.board.interaction[self._places(joints)].tolist())
 
     def set_interaction_modes(
         self, modes: InteractionMode | Sequence[InteractionMode], joints: AxisSelection = None
     ) -> None:
-        self._request(modes, joints, self.driver.request_interaction)
+        self._request(modes, joints, self.board.request_interaction)
 
     def _request(self, modes: M | Sequence[M], joints: AxisSelection, request: Callable[[int, int], None]) -> None:
         """Request a mode of each joint; the first refusal is raised after all requests."""
@@ -96,34 +96,34 @@ class BoardSettings(
             raise refused[0]
 
     def last_joint_fault(self, joint: int) -> tuple[int, str]:
-        return self.driver.faults[self._axis(joint)]
+        return self.board.faults[self._axis(joint)]
 
     # IControlLimits
 
     def limits(self, joint: int) -> tuple[float, float]:
         axis = self._axis(joint)
-        return float(self.driver.minimum[axis]), float(self.driver.maximum[axis])
+        return float(self.board.minimum[axis]), float(self.board.maximum[axis])
 
     def set_limits(self, joint: int, minimum: float, maximum: float) -> None:
-        self._set_range(joint, minimum, maximum, self.driver.minimum, self.driver.maximum)
+        self._set_range(joint, minimum, maximum, self.board.minimum, self.board.maximum)
 
     def velocity_limits(self, joint: int) -> tuple[float, float]:
         axis = self._axis(joint)
-        return float(self.driver.min_velocity[axis]), float(self.driver.max_velocity[axis])
+        return float(self.board.min_velocity[axis]), float(self.board.max_velocity[axis])
 
     def set_velocity_limits(self, joint: int, minimum: float, maximum: float) -> None:
         if minimum < 0:
             raise RefusedError(f"{self.name} joint {joint}: {minimum:g} is not the limit of a speed, which is positive")
-        self._set_range(joint, minimum, maximum, self.driver.min_velocity, self.driver.max_velocity)
+        self._set_range(joint, minimum, maximum, self.board.min_velocity, self.board.max_velocity)
 
     def _set_range(self, joint: int, low: float, high: float, lows: FloatArray, highs: FloatArray) -> None:
         axis = self._axis(joint)
         values_for(2, (low, high))
         if not low < high:
             raise RefusedError(f"{self.name} joint {joint}: the limits {low:g} and {high:g} leave nothing between them")
-        with self._between_cycles() as driver:
+        with self._between_cycles() as board:
             lows[axis], highs[axis] = low, high
-            driver.refresh(axis)
+            board.refresh(axis)
 
     # IPidControl
 
@@ -131,28 +131,28 @@ class BoardSettings(
         return self.size
 
     def pid(self, kind: PidType, joint: int) -> Pid:
-        return self.driver.controls[kind].pids[self._axis(joint)]
+        return self.board.controls[kind].pids[self._axis(joint)]
 
     def set_pid(self, kind: PidType, joint: int, pid: Pid) -> None:
         axis = self._axis(joint)
         values_for(len(pid), pid)
-        with self._between_cycles() as driver:
-            driver.controls[kind].pids[axis] = pid
-            driver.configure(axis)
+        with self._between_cycles() as board:
+            board.controls[kind].pids[axis] = pid
+            board.driver.configure(axis)
 
     def pid_references(self, kind: PidType, joints: AxisSelection = None) -> FloatArray:
-        axes, driver = self._places(joints), self.driver
+        axes, board = self._places(joints), self.board
         self._update()
         if kind is PidType.POSITION:
-            return driver.trajectories.at(driver.tick, axes)[0]
-        setpoints = {PidType.VELOCITY: driver.velocities, PidType.TORQUE: driver.torques}
-        return setpoints.get(kind, driver.currents)[axes]
+            return board.trajectories.at(board.tick, axes)[0]
+        setpoints = {PidType.VELOCITY: board.velocities, PidType.TORQUE: board.torques}
+        return setpoints.get(kind, board.currents)[axes]
 
     def set_pid_references(self, kind: PidType, values: Values, joints: AxisSelection = None) -> None:
         """See IPidControl: handled like a direct position, and accepted in the same mode."""
         if kind is not PidType.POSITION:
             raise NotSupportedError(f"{self.name} accepts no references for its controller of {kind.name.lower()}")
-        self._command("direct", values, joints, _DIRECT, self.driver.follow)
+        self._command("direct", values, joints, _DIRECT, self.board.follow)
 
     def pid_errors(self, kind: PidType, joints: AxisSelection = None) -> FloatArray:
         errors: FloatArray = self.pid_references(kind, joints) - self._measured(_CONTROLLED[kind], joints)
@@ -163,13 +163,13 @@ class BoardSettings(
         del kind
         axes = self._places(joints)
         self._update()
-        return self.driver.controller_outputs()[axes]
+        return self.board.controller_outputs()[axes]
 
     def pid_error_limits(self, kind: PidType, joints: AxisSelection = None) -> FloatArray:
-        return self._read(self.driver.controls[kind].error_limits, joints)
+        return self._read(self.board.controls[kind].error_limits, joints)
 
     def set_pid_error_limits(self, kind: PidType, values: Values, joints: AxisSelection = None) -> None:
-        self._write(values, joints, self.driver.controls[kind].error_limits)
+        self._write(values, joints, self.board.controls[kind].error_limits)
 
     def set_pid_offset(self, kind: PidType, joint: int, offset: float) -> None:
         self.set_pid(kind, joint, self.pid(kind, joint)._replace(offset=float(offset)))
@@ -177,8 +177,8 @@ class BoardSettings(
     def reset_pid(self, kind: PidType, joint: int) -> None:
         axis = self._axis(joint)
         if kind is PidType.POSITION:
-            with self._between_cycles() as driver:
-                driver.reset_controller(axis)
+            with self._between_cycles() as board:
+                board.driver.reset_controller(axis)
 
     def enable_pid(self, kind: PidType, joint: int) -> None:
         self._switch(kind, joint, on=True)
@@ -188,12 +188,12 @@ class BoardSettings(
 
     def _switch(self, kind: PidType, joint: int, *, on: bool) -> None:
         axis = self._axis(joint)
-        with self._between_cycles() as driver:
-            driver.controls[kind].enabled[axis] = on
-            driver.configure(axis)
+        with self._between_cycles() as board:
+            board.controls[kind].enabled[axis] = on
+            board.driver.configure(axis)
 
     def pid_enabled(self, kind: PidType, joint: int) -> bool:
-        return bool(self.driver.controls[kind].enabled[self._axis(joint)])
+        return bool(self.board.controls[kind].enabled[self._axis(joint)])
 
     # IRemoteVariables
 
@@ -208,16 +208,16 @@ class BoardSettings(
 
     def _variables(self) -> dict[str, Bottle]:
         """Return the variables that all boards have: couplings, block by block, and settings of all joints."""
-        driver, own = self.driver, self.own
+        board, own = self.board, self.own
         return {
             "kinematic_mj": Bottle([Bottle(block.ravel().tolist()) for block in self._coupling_blocks()]),
-            "torqueControlEnabled": Bottle([Bottle([int(flag) for flag in driver.torque_controlled[own].tolist()])]),
-            "temperatureLimit": Bottle([Bottle(driver.temperature_limit[own].tolist())]),
+            "torqueControlEnabled": Bottle([Bottle([int(flag) for flag in board.torque_controlled[own].tolist()])]),
+            "temperatureLimit": Bottle([Bottle(board.temperature_limit[own].tolist())]),
         }
 
     def _coupling_blocks(self) -> list[FloatArray]:
         """Return the coupling matrices of the electronic boards of these axes; here one for all of them."""
-        return [self.driver.configured_couplings[self.own, self.own]]
+        return [self.board.configured_couplings[self.own, self.own]]
 
     def set_variable(self, key: str, value: Bottle) -> None:
         """Raise an error: no variable can be changed."""
@@ -229,15 +229,15 @@ class BoardSettings(
     def calibrate_axis(self, joint: int, parameters: CalibrationParameters) -> None:
         self.set_calibration_parameters(joint, parameters)
         axis = self._axis(joint)
-        with self._between_cycles() as driver:
-            driver.calibrate(axis)
+        with self._between_cycles() as board:
+            board.calibrate(axis)
 
     def set_calibration_parameters(self, joint: int, parameters: CalibrationParameters) -> None:
         axis = self._axis(joint)
-        with self.driver.lock:
-            self.driver.calibration[axis] = parameters
+        with self.board.lock:
+            self.board.calibration[axis] = parameters
 
     def calibration_done(self, joint: int) -> bool:
         axis = self._axis(joint)
         self._update()
-        return bool(self.driver.calibrated[axis])
+        return bool(self.board.calibrated[axis])

@@ -8,6 +8,7 @@ from rtf.robot.devices.board_motion import BoardMotion
 from rtf.robot.devices.board_motors import BoardMotors
 from rtf.robot.devices.board_settings import BoardSettings
 from rtf.robot.devices.calibrated_board import Calibrated
+from rtf.robot.devices.motor_board import MotorBoard
 from rtf.robot.errors import DeviceError
 from rtf.robot.extended_state import ExtendedState, IStateSource
 from rtf.robot.periodic_thread import PeriodicThread
@@ -28,7 +29,7 @@ class ControlBoard(BoardMotion, BoardMotors, BoardSettings, IStateSource, Calibr
 
     def __init__(self, name: str = "", *, driver: BoardDriver | None = None, network: Network | None = None) -> None:
         super().__init__(name, network=network)
-        self._driver = driver or self.driver_class()
+        self._board = MotorBoard(driver or self.driver_class())
         self._thread: PeriodicThread | None = None
 
     @classmethod
@@ -37,30 +38,31 @@ class ControlBoard(BoardMotion, BoardMotors, BoardSettings, IStateSource, Calibr
         return type(driver_class.__name__, (cls,), {"driver_class": driver_class, "__doc__": driver_class.__doc__})
 
     @property
-    def driver(self) -> BoardDriver:
-        """The driver. Raises DeviceError while the board is not open."""
+    def board(self) -> MotorBoard:
         if not self.size:
             raise DeviceError(f"{self.name} is not open")
-        return self._driver
+        return self._board
 
     def open(self, configuration: Property) -> None:
         self.close()
-        driver = self._driver
+        board, driver = self._board, self._board.driver
         axes = driver.connect(configuration)
         try:
-            with driver.lock:
-                driver.start(axes)
+            driver.board = board
+            with board.lock:
+                board.start(axes)
         except BaseException:
             driver.disconnect()
             raise
-        self.own, self.size = slice(0, driver.count), driver.count
+        self.own, self.size = slice(0, board.count), board.count
         self._begin_cycles()
 
     def _begin_cycles(self) -> None:
-        if self._driver.period is not None:
+        period = self._board.driver.period
+        if period is not None:
             report = self.network.report
             self._thread = PeriodicThread(
-                _Cycles(self._driver, self._driver.period),
+                _Cycles(self._board, period),
                 name=self.name,
                 report=lambda said: report(f"{self.name}: {said}"),
             )
@@ -71,27 +73,27 @@ class ControlBoard(BoardMotion, BoardMotors, BoardSettings, IStateSource, Calibr
             self._thread.stop()
             self._thread = None
         self.size = 0
-        self._driver.disconnect()
+        self._board.driver.disconnect()
 
     def fill_state(self, state: ExtendedState) -> float:
         self._update()
-        driver, own = self.driver, self.own
-        shot = driver.snapshot()
+        board, own = self.board, self.own
+        shot = board.snapshot()
         state.floats[...] = shot.floats[:, own]
-        state.modes[...] = driver.modes[:, own]
+        state.modes[...] = board.modes[:, own]
         state.temperatures[...] = shot.temperatures[own]
         state.valid[...] = shot.valid
-        return driver.now
+        return board.now
 
 
 class _Cycles:
-    """The cycles of a driver, for a thread."""
+    """The cycles of a motor board, for a thread."""
 
-    def __init__(self, driver: BoardDriver, period: float) -> None:
+    def __init__(self, board: MotorBoard, period: float) -> None:
         self.period = period
-        self._driver = driver
+        self._board = board
 
     def publish(self, now: float) -> None:
         """Read the hardware, supervise and write."""
-        with self._driver.lock:
-            self._driver.cycle(now)
+        with self._board.lock:
+            self._board.cycle(now)

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from rtf.middleware.ports.network import Network
     from rtf.robot.devices.board_driver import Setpoints
     from rtf.robot.extended_state import ExtendedState
-    from rtf.robot.interfaces import FloatArray
 
 _AXIS = BoardAxis(name="joint", minimum=0.0, maximum=100.0, gearbox=100.0, max_current=10.0)
 _TEMPERATURE = 25.0
@@ -41,10 +40,11 @@ class FakeDriver(BoardDriver):
 
     period = None
     measures = frozenset(Field) - {Field.MOTOR_POSITIONS, Field.MOTOR_VELOCITIES, Field.MOTOR_ACCELERATIONS}
-    WATCHDOG = math.inf
+    watchdog = math.inf
+    stopping = 0.0
+    calibration_time = (0.0, 0.0)
 
     def __init__(self, now: Callable[[], float] | None = None) -> None:
-        super().__init__()
         self._now = now
 
     def connect(self, configuration: Property) -> list[BoardAxis]:
@@ -56,15 +56,16 @@ class FakeDriver(BoardDriver):
     def time(self) -> float:
         return super().time() if self._now is None else self._now()
 
-    def update(self) -> None:
-        with self.lock:
-            self.cycle(self.time())
-
     def read(self, state: ExtendedState) -> None:
-        state.floats[:3] = self.trajectories.at(self.tick, slice(None))
-        state.torques[:] = np.where(self.mode == ControlMode.TORQUE, self.torques, 0.0)
-        state.currents[:] = np.where(self.mode == ControlMode.CURRENT, self.currents, 0.0)
-        state.duty_cycles[:] = np.where(self.mode == ControlMode.PWM, self.duties, 0.0)
+        board = self.board
+        state.floats[:3] = board.trajectories.at(board.tick, slice(None))
+        state.joint_positions -= board.encoder_offsets
+        for mode, values, commands in (
+            (ControlMode.TORQUE, state.torques, board.torques),
+            (ControlMode.CURRENT, state.currents, board.currents),
+            (ControlMode.PWM, state.duty_cycles, board.duties),
+        ):
+            values[:] = np.where(board.mode == mode, commands, 0.0)
         state.temperatures[:] = _TEMPERATURE
 
     def write(self, setpoints: Setpoints, modes: NDArray[np.int32]) -> None:
@@ -72,14 +73,6 @@ class FakeDriver(BoardDriver):
 
     def configure(self, axis: int) -> None:
         """Do nothing: there are no controllers."""
-
-    def calibrate(self, axis: int) -> None:
-        """Calibrate an axis, at once."""
-        self.calibrated[axis] = True
-
-    def shift_encoders(self, axes: NDArray[np.intp], values: FloatArray) -> None:
-        """Put the axes at these positions, at rest."""
-        self._hold(axes, values)
 
 
 class FakeBoard(ControlBoard):
