@@ -156,8 +156,8 @@ class _Recorder:
         else:
             form, named = ("all", (*range(part.size),)) if joints is None else ("group", (*joints,))
         told = (*values,) if isinstance(values, list | tuple | np.ndarray) else (values,) * len(named)
-        here = part.boards.position[part.own].copy()
-        self.commands.append(Command(method, form, named, told, part.boards.now, here, clock.now()))
+        here = part.board.position[part.own].copy()
+        self.commands.append(Command(method, form, named, told, part.board.now, here, clock.now()))
 
 
 def run_recorded(folder: Path, tests: str, parts: Sequence[str]) -> Recording:

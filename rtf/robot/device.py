@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, TypeVar
 
 from rtf.bottle import Property
 from rtf.robot.errors import ConfigurationError, DeviceError, NotSupportedError
-from rtf.testing.plugins import PluginRef, installed, load_class
+from rtf.testing.plugins import PluginNotFoundError, PluginRef, find, installed, load_class
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from pathlib import Path
 
     from rtf.middleware.ports.network import Network
 
 T = TypeVar("T")
+#: The names of types that can be plug-ins; one with a slash would name any file.
+_NAME = re.compile(r"[\w.-]+")
 #: The devices of this package, as entry points have them: type -> module and class, imported on use.
 SHIPPED: Mapping[str, str] = {
     "fakeMotionControl": "rtf.robot.devices.fake_board:FakeBoard",
@@ -44,7 +48,16 @@ SHIPPED: Mapping[str, str] = {
 }
 
 
-class Device(ABC):
+class DeviceProvider(ABC):
+    """A class that a device type may name: a device, or a driver from which a device is made."""
+
+    @classmethod
+    @abstractmethod
+    def device_type(cls) -> type[Device]:
+        """Return the class of the device."""
+
+
+class Device(DeviceProvider):
     """A driver, a network stub or a controller: constructed, opened, perhaps attached to other devices, closed.
 
     ``name`` is the name in the configuration, for messages; ``network`` the network of its ports, None: that of the
@@ -54,6 +67,11 @@ class Device(ABC):
     def __init__(self, name: str = "", *, network: Network | None = None) -> None:
         self.name = name or type(self).__name__
         self._given_network = network
+
+    @classmethod
+    def device_type(cls) -> type[Device]:
+        """Return this class."""
+        return cls
 
     @property
     def network(self) -> Network:
@@ -80,7 +98,7 @@ class Device(ABC):
         """
         raise NotSupportedError(f"{self.name} ({type(self).__name__}) cannot be attached to {', '.join(devices)}")
 
-    def detach(self) -> None:  # noqa: B027 - only devices that can be attached override it
+    def detach(self) -> None:
         """Stop using the attached devices. Has no effect if there are none."""
 
     def view(self, interface: type[T]) -> T:
@@ -114,24 +132,41 @@ class Calibrator(Device):
         """Abort the movement in progress; the joints stop where they are."""
 
 
-def find_device(kind: str) -> type[Device]:
-    """Return the class of a device type: from an installed package (entry point), else from this one.
+def find_device(kind: str, beside: Path | None = None) -> type[Device]:
+    """Return the class of a device type.
 
+    It is from an installed package (entry point), else from this one, else from a plug-in file of kind ``device``: one
+    with the name of the type, or with a class of that name. ``beside`` is the folder to look in first, that of the
+    robot's file.
     Raises ConfigurationError for an unknown type, and DeviceError if its code cannot be imported.
     """
     places = {**SHIPPED, **{name: point.value for name, point in installed("device").items()}}
-    if kind not in places:
-        raise ConfigurationError(f"there is no device type {kind!r}; the known types are {', '.join(sorted(places))}")
     try:
-        return load_class(PluginRef("device", kind, places[kind], "entry point"), Device)  # type: ignore[type-abstract]
+        ref = PluginRef("device", kind, places[kind], "entry point") if kind in places else _in_a_file(kind, beside)
+    except PluginNotFoundError as error:
+        known = ", ".join(sorted(places))
+        raise ConfigurationError(f"there is no device type {kind!r}; the known types are {known}") from error
+    try:
+        return load_class(ref, DeviceProvider).device_type()  # type: ignore[type-abstract]
     except Exception as error:
         raise DeviceError(f"the device {kind!r} cannot be loaded: {type(error).__name__}: {error}") from error
 
 
+def _in_a_file(kind: str, beside: Path | None) -> PluginRef:
+    if not _NAME.fullmatch(kind):
+        raise PluginNotFoundError(f"{kind!r} is not a name of a plug-in")
+    return find("device", kind, "python", beside=beside)
+
+
 def make_device(
-    kind: str, configuration: Property | None = None, *, name: str = "", network: Network | None = None
+    kind: str,
+    configuration: Property | None = None,
+    *,
+    name: str = "",
+    network: Network | None = None,
+    beside: Path | None = None,
 ) -> Device:
     """Return an open device of a type. Raises the errors of ``find_device`` and ``Device.open``."""
-    device = find_device(kind)(name or kind, network=network)
+    device = find_device(kind, beside)(name or kind, network=network)
     device.open(configuration or Property())
     return device

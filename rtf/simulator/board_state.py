@@ -1,7 +1,7 @@
-"""The state of the motor boards: configuration, last commands and measurements.
+"""The motors, encoders and sensors of the simulated boards, and their faults.
 
-All arrays have a column for each axis, in the order of :attr:`rtf.robot.model.RobotModel.axes`, in degrees for revolute
-axes and metres for prismatic ones. The behaviour of the boards is in :mod:`rtf.simulator.boards`.
+All arrays have a column for each axis, in the order of the robot's axes. Modes, commands and settings are in the base
+class, as for all boards; the control of the motors is in :mod:`rtf.simulator.boards`.
 """
 
 from __future__ import annotations
@@ -11,55 +11,63 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rtf.robot.control_modes import ControlMode, InteractionMode
+from rtf.robot.devices.board_axes import BoardAxis
+from rtf.robot.devices.board_driver import BoardDriver
+from rtf.robot.devices.motor_board import MotorBoard
+from rtf.robot.extended_state import ExtendedState, Field
+from rtf.robot.interfaces import JointType, MotorTorqueParameters
 from rtf.simulator.controller import JointControllers
+from rtf.simulator.fair_lock import FairLock
 from rtf.simulator.plant import TIMESTEP
 from rtf.simulator.position_gains import FULL, position_pids
-from rtf.simulator.setpoints import Setpoints
+from rtf.simulator.setpoints import SetpointBlocks
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
-    from rtf.robot.interfaces import CalibrationParameters, FloatArray, MotorTorqueParameters, Pid, PidType
+    from rtf.bottle import Property
+    from rtf.robot.control_modes import ControlMode
+    from rtf.robot.interfaces import FloatArray, Pid
     from rtf.robot.model import Axis
     from rtf.simulator.plant import Plant
 
 AMBIENT = 25.0  # °C
 _HEATING = 40.0  # °C above ambient after a long time at nominal current
 _TOO_HOT = 90.0
+_SUPPLY = 40.0  # V
+#: The greatest impedance, as multiples of the default; beyond it a loop with 1 ms sampling is not stable.
+_STIFFEST = 10.0
 STEPS_A_SECOND = round(1 / TIMESTEP)
 _DEGREES = 180.0 / math.pi
 _TURN = 360.0
-#: What is a degree of a revolute axis in the defaults of speeds is this of a prismatic one (m).
-SLIDE = 0.005
 
 
-class BoardState:
-    """The state of all boards. ``data`` is the state of the physics engine."""
+class BoardState(MotorBoard, BoardDriver):
+    """The motors and sensors of all boards, and their driver. ``data`` is the state of the physics engine."""
+
+    period = None
+    steps_a_second = STEPS_A_SECOND
+    tick: int
+    lock: FairLock
+    trajectories: SetpointBlocks
 
     def __init__(self, plant: Plant, data: Any) -> None:
         self.plant = plant
         self.axes: tuple[Axis, ...] = plant.robot.axes
         self.data = data
-        self.count = len(self.axes)
         self.tick = 0
-        prismatic = np.array([axis.prismatic for axis in self.axes])
+        self.couplings = plant.robot.joint_to_motor.copy()
         #: Units of each axis, deg or m, a unit of the physics engine, rad or m.
-        self.scale = np.where(prismatic, 1.0, _DEGREES)
-        self.per_scale = 1.0 / self.scale
-        #: The units of each axis in place of a degree, in the defaults of speeds.
-        self.degree = np.where(prismatic, SLIDE, 1.0)
+        self.scale: FloatArray = np.where([axis.prismatic for axis in self.axes], 1.0, _DEGREES)
         self._length: FloatArray = data.actuator_length
         self._speed: FloatArray = data.actuator_velocity
         self._ctrl: FloatArray = data.ctrl
         self._exerts: FloatArray = data.actuator_force
         self._hastens: FloatArray = data.qacc
         self._jacobian = plant.jacobian
-        self._set_up_drives()
-        self._set_up_controllers()
-        self._begin()
+        super().__init__(self, FairLock())
         # Active faults: functions that change their arguments. Empty in a healthy robot.
         self.encoder_faults: list[Callable[[FloatArray, FloatArray, float], None]] = []
         self.motor_encoder_faults: list[Callable[[FloatArray, FloatArray, float], None]] = []
@@ -71,76 +79,38 @@ class BoardState:
         self.obeying_faults: list[Callable[[int], bool]] = []
         self.mode_faults: list[Callable[[int, ControlMode, int], ControlMode | None]] = []
 
-    @property
-    def now(self) -> float:
-        """Seconds since the beginning."""
-        return self.tick / STEPS_A_SECOND
+    def connect(self, configuration: Property) -> list[BoardAxis]:
+        """Return the axes: the hardware is the simulation."""
+        del configuration
+        return board_axes(self.axes, self.plant.axis_inertia(self.data))
 
-    def column(self, name: str) -> FloatArray:
-        """Return one number of each axis."""
-        return np.array([getattr(axis, name) for axis in self.axes], dtype=np.float64)
+    def update(self) -> None:
+        """Do nothing: the simulation keeps the state up to date."""
 
-    def _set_up_drives(self) -> None:
-        """Initialize motors, gears, encoders and amplifiers."""
-        count = self.count
-        self.newton_metres = self.column("max_torque") / FULL  # a per cent of duty cycle
-        self.amperes = self.column("peak_current") / FULL  # likewise
-        self.gearbox = self.column("gearbox")  # as built; the configuration of the boards is in ``configured_gearbox``
-        self.joint_to_motor = self.plant.robot.joint_to_motor.copy()
-        self.configured_gearbox = self.gearbox.copy()
-        self.configured_couplings = self.joint_to_motor.copy()
+    def disconnect(self) -> None:
+        """Do nothing: the boards live as long as the simulation."""
+
+    def set_up(self, axes: Sequence[BoardAxis], couplings: FloatArray | None = None) -> None:
+        """Initialize the boards: at home."""
+        count, home = len(axes), self.plant.home_axes * self.scale
+        self.resolution = np.array([axis.encoder_resolution for axis in self.axes])
+        self._home = home
+        super().set_up(axes, couplings)
+        self.targets[:] = self.direct[:] = home
+        self.newton_metres = self.max_torque / FULL  # a per cent of duty cycle
+        self.amperes = self.peak_current / FULL  # likewise
+        self.gearbox = self.configured_gearbox.copy()  # as built; that of the configuration can be wrong
+        self.joint_to_motor = self.configured_couplings.copy()
         #: Degrees of each rotor a radian, or a metre, of each joint.
         self._turns = self.gearbox[:, None] * self.joint_to_motor * np.where(self.scale == 1.0, _TURN, _DEGREES)
         #: Factors from duty cycles of motors to those of joints, and back.
         self._drive = (np.sign(self.gearbox)[:, None] * self.joint_to_motor).T
         self._undrive = np.linalg.inv(self._drive)
-        self.resolution = self.column("encoder_resolution")
         self._ticks_a_radian = self.resolution * self.scale
-        self.rotor_resolution = self.column("rotor_resolution")
         self._rotor_ticks = self.rotor_resolution / _TURN  # a degree
-        self.nominal_current, self.peak_current = self.column("nominal_current"), self.column("peak_current")
-        self.max_current = self.column("overload_current")
-        self.duty_limit = np.full(count, FULL)
         self.temperature = np.full(count, AMBIENT)
-        self.temperature_limit = np.full(count, _TOO_HOT)
         self.heat = _HEATING / self.nominal_current**2
-        self.torque_parameters: dict[int, MotorTorqueParameters] = {}
-        self.torque_controlled = np.array([axis.torque_control for axis in self.axes])
-
-    def _set_up_controllers(self) -> None:
-        """Initialize limits and gains."""
-        count = self.count
-        self.minimum, self.maximum = self.column("minimum"), self.column("maximum")
         self.limit_slack = np.zeros(count)  # how far a faulty board lets joints go beyond them
-        self.min_velocity, self.max_velocity = np.zeros(count), self.column("max_velocity")
-        self.speeds = 10.0 * self.degree
-        self.accelerations = 1000.0 * self.degree
-        self.pids: list[Pid] = position_pids(self.axes, self.plant.axis_inertia(self.data))
-        # The last settings of controllers that are not simulated.
-        self.other_pids: dict[tuple[PidType, int], Pid] = {}
-        self.other_enabled: dict[tuple[PidType, int], bool] = {}
-        self.other_error_limits: dict[tuple[PidType, int], float] = {}
-        self.pid_enabled = np.ones(count, dtype=bool)
-        self.pid_error_limits = np.zeros(count)
-        self.default_stiffness, self.default_damping = _default_impedance(self.pids, self.newton_metres)
-        self.stiffness, self.damping = self.default_stiffness.copy(), self.default_damping.copy()
-        self.impedance_offset = np.zeros(count)
-        self.calibration: dict[int, CalibrationParameters] = {}
-
-    def _begin(self) -> None:
-        """Initialize the state after power-up: at home, in position mode, calibrated."""
-        count, home = self.count, self.plant.home_axes * self.scale
-        self.modes = np.empty((2, count), dtype=np.int32)
-        self.mode, self.interaction = self.modes
-        self.mode[:], self.interaction[:] = ControlMode.POSITION, InteractionMode.STIFF
-        self.calibrated = np.ones(count, dtype=bool)
-        self.faults: list[tuple[int, str]] = [(0, "")] * count
-        self.setpoints = Setpoints(
-            home, self.minimum, self.maximum, TIMESTEP, begin=self.tick, scales=(self.resolution, self.per_scale)
-        )
-        self.targets, self.direct = home.copy(), home.copy()
-        self.velocities, self.torques, self.currents = np.zeros(count), np.zeros(count), np.zeros(count)
-        self.duties = np.zeros(count)  # of motors
         self.controllers = JointControllers(self._ctrl)
         self._ticks = np.rint(home * self.resolution)
         self._measured_speed = self._speed  # rad/s; those of the physics engine, unless an encoder is faulty
@@ -148,8 +118,19 @@ class BoardState:
         self._encoder_shift: FloatArray | None = None
         self._motor_shift = np.zeros(count)
         self._scratch = np.empty(count)
-        self._snapshot = np.zeros((9, count))
+        self.state = ExtendedState(count)
+        self.state.valid.fill(True)
         self._snapshot_tick = self._measured_tick = -1
+
+    def make_trajectories(self) -> SetpointBlocks:
+        return SetpointBlocks(
+            self._home,
+            self.minimum,
+            self.maximum,
+            TIMESTEP,
+            begin=self.tick,
+            scales=(self.resolution, 1.0 / self.scale),
+        )
 
     # Measurements ------------------------------------------------------------------------------------------------
 
@@ -187,7 +168,7 @@ class BoardState:
 
     @property
     def error(self) -> FloatArray:
-        """Reference minus position, at the last step (deg)."""
+        """Setpoint minus position, at the last step (deg)."""
         return self.controllers.errors / self.resolution
 
     @property
@@ -197,6 +178,9 @@ class BoardState:
         output: FloatArray = torque / self.newton_metres
         np.minimum(output, FULL, out=output)  # twice as quick as clip
         return np.maximum(output, -FULL, out=output)
+
+    def controller_outputs(self) -> FloatArray:
+        return self.output
 
     def gravity(self) -> FloatArray:
         """The torque that holds each axis against gravity and against the motion of the others (Nm)."""
@@ -245,25 +229,32 @@ class BoardState:
         accelerations: FloatArray = self._turns @ (self._jacobian @ self._hastens)
         return accelerations
 
-    def snapshot(self) -> FloatArray:
-        """All current measurements, shape (9, axes), in the order of the extended state of a control board."""
+    def measured(self, field: Field) -> NDArray[Any]:
+        return _MEASURED[field](self)
+
+    def snapshot(self) -> ExtendedState:
+        """Return all measurements of this step."""
         if self._snapshot_tick != self.tick:
-            shot = self._snapshot
-            np.divide(self._ticks, self.resolution, out=shot[0])
-            np.multiply(self._measured_speed, self.scale, out=shot[1])
-            hastens = self._jacobian @ self._hastens
-            np.multiply(hastens, self.scale, out=shot[2])
-            shot[3], shot[4] = self.motor_motion()
-            np.dot(self._turns, hastens, out=shot[5])
-            shot[6] = self.measured_torques()
-            output = self.output
-            np.dot(self._undrive, output, out=shot[7])
-            output *= self.amperes
-            for fault in self.current_faults:
-                fault(output, self.now)
-            shot[8] = output
+            self.read(self.state)
             self._snapshot_tick = self.tick
-        return self._snapshot
+        return self.state
+
+    def read(self, state: ExtendedState) -> None:
+        shot = state.floats
+        np.divide(self._ticks, self.resolution, out=shot[0])
+        np.multiply(self._measured_speed, self.scale, out=shot[1])
+        hastens = self._jacobian @ self._hastens
+        np.multiply(hastens, self.scale, out=shot[2])
+        shot[3], shot[4] = self.motor_motion()
+        np.dot(self._turns, hastens, out=shot[5])
+        shot[6] = self.measured_torques()
+        output = self.output
+        np.dot(self._undrive, output, out=shot[7])
+        output *= self.amperes
+        for fault in self.current_faults:
+            fault(output, self.now)
+        shot[8] = output
+        state.temperatures[:] = self.temperature
 
     def shift_encoders(self, axes: NDArray[np.intp], values: FloatArray) -> None:
         """Set the encoder readings of axes; controlled axes continue from there."""
@@ -272,16 +263,56 @@ class BoardState:
         self._encoder_shift[axes] += values - self.position[axes]
         self._measured_tick = self._snapshot_tick = -1
         self.measure()
-        self.setpoints.hold(axes, values, self.tick)
-        self.targets[axes] = self.direct[axes] = values
+        self._hold(axes, values)
 
     def shift_motor_encoders(self, axes: NDArray[np.intp], values: FloatArray) -> None:
         """Set the encoder readings of rotors."""
         self._motor_shift[axes] += values - self.motor_motion()[0][axes]
 
 
-def _default_impedance(pids: list[Pid], newton_metres: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return a tenth of the stiffness of the position loop, and its critical damping (Nm/deg, Nm s/deg)."""
-    kp = np.array([pid.kp for pid in pids]) * newton_metres
-    kd = np.array([pid.kd for pid in pids]) * newton_metres
-    return kp / 10.0, kd / math.sqrt(10.0)
+def board_axes(axes: Sequence[Axis], inertia: FloatArray) -> list[BoardAxis]:
+    """Return the configuration of the boards of these axes, with gains for their inertia (kg m²)."""
+    return [_board_axis(axis, pid) for axis, pid in zip(axes, position_pids(axes, inertia), strict=True)]
+
+
+def _board_axis(axis: Axis, pid: Pid) -> BoardAxis:
+    newton_metres = axis.max_torque / FULL  # a per cent of duty cycle
+    # A tenth of the stiffness of the position loop, and its critical damping.
+    stiffness, damping = pid.kp * newton_metres / 10.0, pid.kd * newton_metres / math.sqrt(10.0)
+    return BoardAxis(
+        name=axis.name,
+        kind=JointType.PRISMATIC if axis.prismatic else JointType.REVOLUTE,
+        minimum=axis.minimum,
+        maximum=axis.maximum,
+        max_velocity=axis.max_velocity,
+        max_torque=axis.max_torque,
+        gearbox=axis.gearbox,
+        rotor_resolution=axis.rotor_resolution,
+        nominal_current=axis.nominal_current,
+        peak_current=axis.peak_current,
+        max_current=axis.overload_current,
+        temperature_limit=_TOO_HOT,
+        supply_voltage=_SUPPLY,
+        torque_controlled=axis.torque_control,
+        pid=pid,
+        torque_parameters=MotorTorqueParameters(ktau=1.0 / newton_metres),
+        stiffness=stiffness,
+        damping=damping,
+        max_stiffness=_STIFFEST * stiffness,
+        max_damping=_STIFFEST * damping,
+    )
+
+
+#: The current measurement of each field.
+_MEASURED: dict[Field, Callable[[BoardState], NDArray[Any]]] = {
+    Field.JOINT_POSITIONS: lambda boards: boards.position,
+    Field.JOINT_VELOCITIES: lambda boards: boards.velocity,
+    Field.JOINT_ACCELERATIONS: BoardState.accelerations_now,
+    Field.MOTOR_POSITIONS: lambda boards: boards.motor_motion()[0],
+    Field.MOTOR_VELOCITIES: lambda boards: boards.motor_motion()[1],
+    Field.MOTOR_ACCELERATIONS: BoardState.motor_accelerations,
+    Field.TORQUES: BoardState.measured_torques,
+    Field.DUTY_CYCLES: BoardState.motor_duties,
+    Field.CURRENTS: BoardState.motor_currents,
+    Field.TEMPERATURES: lambda boards: boards.temperature,
+}

@@ -1,11 +1,8 @@
-"""The motor boards of all parts together: encoders, setpoints, controllers, motors and modes of all axes at 1 kHz.
+"""The motor boards of all parts together: control of 53 motors at 1 kHz, in the modes and with the setpoints of boards.
 
-All arrays have a column for each axis, in the order of :attr:`rtf.robot.model.RobotModel.axes`, in degrees (metres of
-prismatic axes) and per cent of duty cycle. The controller of the modes is in :mod:`rtf.simulator.controller`. Faults
-are small functions in lists, which are empty in a healthy robot.
-
-Watchdogs: a velocity, torque, current or duty cycle expires ``WATCHDOG`` seconds after its last command, so that a
-joint whose client has died stops; position moves end by themselves, and direct positions are held.
+All arrays have a column for each axis, in the order of the robot's axes, in degrees and per cent of duty cycle. The
+controller of the modes is in :mod:`rtf.simulator.controller`. Faults are small functions in lists, which are empty in a
+healthy robot.
 """
 
 from __future__ import annotations
@@ -14,17 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rtf.robot.control_modes import (
-    HOLDING_MODES,
-    POWERLESS,
-    VELOCITY_MODES,
-    Answer,
-    ControlMode,
-    InteractionMode,
-    answer,
-    mode_word,
-)
-from rtf.robot.errors import RefusedError
+from rtf.bottle import Property
+from rtf.robot.control_modes import HOLDING_MODES, POWERLESS, ControlMode, InteractionMode
 from rtf.simulator.board_state import AMBIENT, BoardState
 from rtf.simulator.controller import INTEGRATION
 from rtf.simulator.plant import TIMESTEP
@@ -33,16 +21,12 @@ from rtf.simulator.position_gains import FULL
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from rtf.robot.devices.board_driver import Setpoints
     from rtf.robot.interfaces import FloatArray, Pid
     from rtf.simulator.plant import Plant
 
-#: Seconds without a new command after which velocities, torques, currents and duty cycles expire.
-WATCHDOG = 0.5
 #: Steps between the slow work of the boards: supervision, temperatures.
 SLOW = 10
-#: Deceleration of a stop, degrees/s².
-STOPPING = 1000.0
-_OVERLOAD_TICKS = 5  # of the slow work: 50 ms
 _THERMAL_TIME = 600.0  # s
 
 
@@ -55,28 +39,22 @@ class Boards(BoardState):
 
     def _prepare(self) -> None:
         """Set the state of the robot after power-up: held at home."""
+        self.set_up(self.connect(Property()), self.couplings)
         count = self.count
         self._max_integral = np.zeros(count)  # Nm
         self._limited = False
         self._stiction = self._special = False
         self._compliant: NDArray[np.intp] | None = None
         self._torquing: NDArray[np.intp] | None = None
-        self._overload = np.zeros(count)
-        self._deadline = np.full(count, np.inf)
-        self._forgotten = np.zeros(count, dtype=bool)
         self._exerted = np.zeros(count)  # the torques commanded in the last step
-        self._planned: list[tuple[int, int, ControlMode]] = []
         for axis in range(count):
-            self._configure(axis)
+            self.configure(axis)
         for axis, torque in enumerate(self.gravity().tolist()):
             self.controllers.set_integral(axis, torque)
         self._ctrl[:] = self.controllers.integral  # so that the robot is held before the first step, too
 
     def reset(self) -> None:
         """Reset all states and settings; the physics have been reset to home."""
-        self._set_up_drives()
-        self._set_up_controllers()
-        self._begin()
         self._prepare()
 
     # One millisecond ---------------------------------------------------------------------------------------------
@@ -88,14 +66,14 @@ class Boards(BoardState):
         """
         if self._measured_tick != self.tick:
             self.measure()
-        self.controllers.step(self.tick, self.setpoints, self._ticks, self._measured_speed)
+        self.controllers.step(self.tick, self.trajectories, self._ticks, self._measured_speed)
         if self._special:
             self._correct()
         if self.motor_faults or self.plant_faults or self._driven is not None:
             self._disturb()
         self.tick += 1
         if not self.tick % SLOW:
-            self._supervise()
+            self.supervise()
 
     def _correct(self) -> None:
         """Add the parts of the torques that only some modes and settings need."""
@@ -108,7 +86,7 @@ class Boards(BoardState):
             axes = self._torquing
             missing = self._exerted[axes] - self.measured_torques()[axes]
             self.controllers.add_to_integral(axes, _TORQUE_INTEGRAL * TIMESTEP * missing)
-            self._exerted[axes] = np.where(self._forgotten[axes], 0.0, self.torques[axes])
+            self._exerted[axes] = np.where(self._expired[axes], 0.0, self.torques[axes])
         if self._stiction:
             up = np.array([pid.stiction_up for pid in self.pids])
             down = np.array([pid.stiction_down for pid in self.pids])
@@ -132,101 +110,57 @@ class Boards(BoardState):
 
     # Supervision ------------------------------------------------------------------------------------------------
 
-    def _supervise(self) -> None:
+    def supervise(self) -> None:
+        """Check the motors, warm them, and do what all boards do."""
         self.controllers.clip_integral(self._max_integral)
         currents = self.motor_currents()
         np.abs(currents, out=currents)
-        overload = self._overload
-        overload += 1.0
-        overload *= currents > self.max_current
-        currents *= currents
-        currents *= self.heat
-        currents += AMBIENT
-        currents -= self.temperature
-        currents *= SLOW * TIMESTEP / _THERMAL_TIME
-        self.temperature += currents
-        # Counting is faster than any().
-        if np.count_nonzero(overload >= _OVERLOAD_TICKS):
-            for axis in self._sound(overload >= _OVERLOAD_TICKS):
-                self.fault(axis, OVERCURRENT, f"over-current: more than {self.max_current[axis]:g} A")
-        if np.count_nonzero(self.temperature > self.temperature_limit):
-            for axis in self._sound(self.temperature > self.temperature_limit):
-                self.fault(axis, OVERHEATED, f"too hot: more than {self.temperature_limit[axis]:g} degrees")
-        if np.count_nonzero(self._deadline < self.now):
-            for axis in np.flatnonzero(self._deadline < self.now).tolist():
-                self._forget(axis)
-        if np.count_nonzero(self.pid_error_limits):
-            self._check_errors()
-        while self._planned and self._planned[0][0] <= self.tick:
-            _, axis, mode = self._planned.pop(0)
-            if self.mode[axis] == _BEFORE[mode]:  # otherwise a fault occurred meanwhile
-                self._enter(axis, mode)
+        self._heat(currents)
+        self.check_motors(currents, self.temperature)
+        super().supervise()
 
-    def _sound(self, chosen: NDArray[np.bool_]) -> list[int]:
-        """Return those of the chosen axes that are not in fault yet."""
-        found: list[int] = np.flatnonzero(chosen & (self.mode != ControlMode.HARDWARE_FAULT)).tolist()
-        return found
+    def _heat(self, currents: FloatArray) -> None:
+        change = currents * currents
+        change *= self.heat
+        change += AMBIENT
+        change -= self.temperature
+        change *= SLOW * TIMESTEP / _THERMAL_TIME
+        self.temperature += change
 
-    def _check_errors(self) -> None:
-        limits = self.pid_error_limits
-        beyond = (limits > 0) & (np.abs(self.error) > limits) & (self.controllers.kp_kd[0] > 0)
-        for axis in np.flatnonzero(beyond).tolist():
-            self.fault(axis, ERROR_LIMIT, f"the position is more than {self.pid_error_limits[axis]:g} degrees off")
+    def controller_errors(self) -> FloatArray:
+        return np.where(self.controllers.kp_kd[0] > 0, self.error, 0.0)
 
-    def _forget(self, axis: int) -> None:
-        """Handle an expired command of an axis. The last command can still be read."""
-        self._deadline[axis] = np.inf
-        self._forgotten[axis] = True
-        if ControlMode(int(self.mode[axis])) in VELOCITY_MODES:
-            self.setpoints.run(np.array([axis]), np.zeros(1), np.array([STOPPING * self.degree[axis]]), self.tick)
-        self._configure(axis)
+    def _expire(self, axis: int) -> None:
+        super()._expire(axis)
         if self.mode[axis] == ControlMode.TORQUE:
             self.controllers.set_integral(axis, 0.0)
-        self._refresh_duties()
-
-    def fault(self, axis: int, code: int, message: str) -> None:
-        """Put an axis into hardware fault; only a forced idle ends it."""
-        self.faults[axis] = (code, f"{self.axes[axis].name}: {message}")
-        self._overload[axis] = 0
-        self._enter(axis, ControlMode.HARDWARE_FAULT)
 
     # Modes -------------------------------------------------------------------------------------------------------
 
     def request_mode(self, axis: int, wanted: int) -> None:
-        """Change the mode by the transition table. Raises RefusedError for a mode that must not be requested."""
         state = ControlMode(int(self.mode[axis]))
         for broken in self.mode_faults:
             forced = broken(axis, state, wanted)
             if forced is not None:
-                self._enter(axis, forced)
+                self.enter(axis, forced)
                 return
-        result, after = answer(state, wanted)
-        if result is Answer.REFUSED:
-            raise RefusedError(f"{self.axes[axis].name}: {mode_word(wanted)} is not a mode that may be requested")
-        if result is Answer.TAKEN and after is not state:
-            self._enter(axis, after)
+        super().request_mode(axis, wanted)
 
     def request_interaction(self, axis: int, wanted: int) -> None:
-        """Make an axis stiff or compliant; the mode stays. Raises RefusedError where there is no torque sensing."""
-        if wanted not in (InteractionMode.STIFF, InteractionMode.COMPLIANT):
-            raise RefusedError(f"{self.axes[axis].name}: {wanted} is no interaction mode that may be requested")
-        if wanted == InteractionMode.COMPLIANT and not self.torque_controlled[axis]:
-            raise RefusedError(f"{self.axes[axis].name} cannot be compliant: it has no torque control")
-        if wanted != self.interaction[axis]:
-            held = float(self.output[axis] * self.newton_metres[axis])
-            self.interaction[axis] = wanted
-            self._configure(axis)
+        before, held = self.interaction[axis], float(self.output[axis] * self.newton_metres[axis])
+        super().request_interaction(axis, wanted)
+        if wanted != before:
             self._take_over(axis, held)
 
     def _take_over(self, axis: int, held: float) -> None:
         """Hand over to another controller with the same torque and no position error: bumpless transfer."""
         axes = np.array([axis])
         here = self.position[axes]
-        setpoint, speed, _ = self.setpoints.at(self.tick, axes)
+        setpoint, speed, _ = self.trajectories.at(self.tick, axes)
         if not self.controllers.ki[axis]:
             return
         if not speed[0]:
-            self.setpoints.hold(axes, here, self.tick)
+            self.trajectories.hold(axes, here, self.tick)
             self.direct[axis] = here[0]
             setpoint = here
         gain = float(self.controllers.kp_kd[0, axis] * self.resolution[axis])
@@ -234,42 +168,16 @@ class Boards(BoardState):
             axis, held - float(self.controllers.bias[axis]) - gain * float(setpoint[0] - here[0])
         )
 
-    def _enter(self, axis: int, mode: ControlMode) -> None:
-        axes = np.array([axis])
+    def enter(self, axis: int, mode: ControlMode) -> None:
         before = ControlMode(int(self.mode[axis]))
-        here = self.position[axes]
-        self.setpoints.hold(axes, here, self.tick)
-        self.targets[axis] = self.direct[axis] = here[0]
-        self.velocities[axis] = 0.0
-        self._forgotten[axis] = False
-        self._deadline[axis] = np.inf
         # A held joint stays held: the next controller starts with the output of the last one.
         held = 0.0 if before in POWERLESS or mode in _DRIVEN else float(self.output[axis] * self.newton_metres[axis])
+        super().enter(axis, mode)
         if mode is ControlMode.TORQUE:
-            self.torques[axis] = self._exerted[axis] = 0.0 if before in POWERLESS else self.measured_torques()[axis]
-        elif mode is ControlMode.CURRENT:
-            self.currents[axis] = 0.0 if before in POWERLESS else self.motor_currents()[axis]
-        elif mode is ControlMode.PWM:
-            self.duties[axis] = 0.0
-        self.mode[axis] = mode
-        self._configure(axis)
+            self._exerted[axis] = self.torques[axis]
         self.controllers.set_integral(axis, held if self.controllers.ki[axis] else 0.0)
-        self._refresh_duties()
 
-    def calibrate(self, axis: int) -> None:
-        """Calibrate an axis: it takes half a second, in which it takes no commands. RefusedError for one in fault."""
-        if self.mode[axis] == ControlMode.HARDWARE_FAULT:
-            raise RefusedError(f"{self.axes[axis].name} is in fault and cannot be calibrated; force it to idle first")
-        self._planned = [planned for planned in self._planned if planned[1] != axis]
-        self.calibrated[axis] = False
-        self._enter(axis, ControlMode.CALIBRATING)
-        end = self.tick + _CALIBRATION
-        self._planned.append((end, axis, ControlMode.CALIBRATION_DONE))
-        self._planned.append((end + SLOW, axis, ControlMode.POSITION))
-        self._planned.sort(key=lambda planned: planned[0])
-
-    def _configure(self, axis: int) -> None:
-        """Set the parameters of the controller for the mode of an axis."""
+    def configure(self, axis: int) -> None:
         mode = ControlMode(int(self.mode[axis]))
         pid, torque = self.pids[axis], float(self.newton_metres[axis])
         kp = kd = ki = bias = 0.0  # Nm/deg, Nm s/deg, Nm/deg/s, Nm
@@ -277,9 +185,9 @@ class Boards(BoardState):
         if mode in POWERLESS:
             pass
         elif mode is ControlMode.TORQUE:
-            bias = 0.0 if self._forgotten[axis] else float(self.torques[axis])
+            bias = 0.0 if self._expired[axis] else float(self.torques[axis])
         elif mode is ControlMode.CURRENT:
-            bias = 0.0 if self._forgotten[axis] else float(self.currents[axis] / self.amperes[axis]) * torque
+            bias = 0.0 if self._expired[axis] else float(self.currents[axis] / self.amperes[axis]) * torque
         elif mode is ControlMode.PWM:
             bias, limit = self._duty_of_joint(axis) * torque, float(self.duty_limit[axis])
         elif not self.pid_enabled[axis]:
@@ -289,8 +197,6 @@ class Boards(BoardState):
         else:
             kp, kd, ki, bias = (number * torque for number in (pid.kp, pid.kd, pid.ki, pid.offset))
             limit = min(abs(pid.max_output), float(self.duty_limit[axis]))
-        if mode is ControlMode.CALIBRATION_DONE:
-            self.calibrated[axis] = True
         self._max_integral[axis] = (_TORQUE_TRIM if mode is ControlMode.TORQUE else abs(pid.max_integral)) * torque
         self._put(axis, kp, kd, ki, bias, limit * torque)
         self._note_special_axes()
@@ -318,20 +224,24 @@ class Boards(BoardState):
     def _duty_of_joint(self, axis: int) -> float:
         """Set the torques of joints whose motors are driven directly; coupled joints sum those of several motors."""
         driven = self.mode == ControlMode.PWM
-        return float(self._drive[axis] @ np.where(driven & ~self._forgotten, self.duties, 0.0))
+        return float(self._drive[axis] @ np.where(driven & ~self._expired, self.duties, 0.0))
 
-    def _refresh_duties(self) -> None:
-        """Update after a change of a duty cycle, or of the set of axes driven by one."""
-        driven = self.mode == ControlMode.PWM
+    def write(self, setpoints: Setpoints, modes: NDArray[np.int32]) -> None:
+        """Set the efforts of the controllers, which follow the positions by themselves."""
+        for mode, commands in ((ControlMode.TORQUE, setpoints.torques), (ControlMode.CURRENT, setpoints.currents)):
+            for axis in np.flatnonzero(modes == mode).tolist():
+                value = float(commands[axis])
+                if mode is ControlMode.CURRENT:
+                    value = float(value / self.amperes[axis] * self.newton_metres[axis])
+                self.controllers.set_bias(axis, value)
+        driven = modes == ControlMode.PWM
         if driven.any():
-            torques = (self._drive @ np.where(driven & ~self._forgotten, self.duties, 0.0)) * self.newton_metres
+            torques = (self._drive @ np.where(driven, setpoints.duty_cycles, 0.0)) * self.newton_metres
             for axis in np.flatnonzero(driven).tolist():
                 self.controllers.set_bias(axis, float(torques[axis]))
 
-    # Commands: axes as arrays of numbers, values of the same length ---------------------------------------------
-
     def accept(self, what: str, axes: list[int], modes: frozenset[ControlMode]) -> list[int]:
-        """Return the places of the axes that are in one of the modes; commands to the others are ignored."""
+        """Return the places of the axes that accept a command; faults can lose commands, or accept more."""
         now = self.now
         return [
             place
@@ -344,86 +254,22 @@ class Boards(BoardState):
         """Return whether a fault makes an axis accept the commands of all modes while its position is controlled."""
         return int(self.mode[axis]) in HOLDING_MODES and any(obeys(axis) for obeys in self.obeying_faults)
 
-    def move(self, axes: NDArray[np.intp], targets: FloatArray) -> None:
-        """Move along a trajectory; targets are clipped to the limits."""
-        targets = self.setpoints.within_limits(axes, targets)
-        self.targets[axes] = targets
-        self.setpoints.move(axes, targets, self.speeds[axes], self.tick)
-        self._deadline[axes] = np.inf
-
-    def run(self, axes: NDArray[np.intp], velocities: FloatArray, accelerations: FloatArray) -> None:
-        """Move at velocities, until the limits or the watchdog."""
-        velocities = np.clip(velocities, -self.max_velocity[axes], self.max_velocity[axes])
-        self.velocities[axes] = velocities
-        self.setpoints.run(axes, velocities, accelerations, self.tick)
-        self._watch(axes)
-
-    def follow(self, axes: NDArray[np.intp], positions: FloatArray) -> None:
-        """Set direct positions, clipped to the limits."""
-        positions = self.setpoints.within_limits(axes, positions)
-        self.direct[axes] = positions
-        self.setpoints.hold(axes, positions, self.tick)
-
-    def exert(self, axes: NDArray[np.intp], torques: FloatArray) -> None:
-        """Exert torques."""
-        most = FULL * self.newton_metres[axes]
-        self.torques[axes] = np.clip(torques, -most, most)
-        for axis in axes.tolist():
-            self.controllers.set_bias(axis, float(self.torques[axis]))
-        self._watch(axes)
-
-    def drive_currents(self, axes: NDArray[np.intp], currents: FloatArray) -> None:
-        """Drive currents."""
-        self.currents[axes] = np.clip(currents, -self.peak_current[axes], self.peak_current[axes])
-        for axis in axes.tolist():
-            self.controllers.set_bias(axis, float(self.currents[axis] / self.amperes[axis] * self.newton_metres[axis]))
-        self._watch(axes)
-
-    def drive(self, axes: NDArray[np.intp], duties: FloatArray) -> None:
-        """Drive motors with duty cycles."""
-        self.duties[axes] = np.clip(duties, -self.duty_limit[axes], self.duty_limit[axes])
-        self._watch(axes)
-        self._refresh_duties()
-
-    def stop(self, axes: NDArray[np.intp]) -> None:
-        """Slow down to rest; the positions of rest become the targets."""
-        self.velocities[axes] = 0.0
-        self.setpoints.run(axes, np.zeros(len(axes)), STOPPING * self.degree[axes], self.tick)
-        self.targets[axes] = self.setpoints.at(self.tick + _AT_REST, axes)[0]
-        self._deadline[axes] = np.inf
-
-    def _watch(self, axes: NDArray[np.intp]) -> None:
-        self._deadline[axes] = self.now + WATCHDOG
-        self._forgotten[axes] = False
-
     # Settings ----------------------------------------------------------------------------------------------------
 
     def set_pid(self, axis: int, pid: Pid) -> None:
-        """Set gains; they apply at once."""
+        """Set the gains of a position controller; they apply at once."""
         self.pids[axis] = pid
-        self._configure(axis)
+        self.configure(axis)
+
+    def reset_controller(self, axis: int) -> None:
+        self.controllers.set_integral(axis, 0.0)
 
     def refresh(self, axis: int) -> None:
-        """Apply a setting of an axis that another module has changed."""
-        self._configure(axis)
-        slack = float(self.limit_slack[axis])
-        self.setpoints.set_limits(axis, float(self.minimum[axis]) - slack, float(self.maximum[axis]) + slack, self.tick)
-
-    def set_max_current(self, axis: int, current: float) -> None:
-        """Set the current at which an axis goes into fault; at 0 A it does so at once."""
-        self.max_current[axis] = current
-        if current <= 0.0 and ControlMode(int(self.mode[axis])) is not ControlMode.HARDWARE_FAULT:
-            self.fault(axis, OVERCURRENT, f"over-current: more than {current:g} A")
+        self.configure(axis)
+        slack, minimum, maximum = self.limit_slack[axis], self.minimum[axis], self.maximum[axis]
+        self.trajectories.set_limits(axis, float(minimum - slack), float(maximum + slack), self.tick)
 
 
-OVERCURRENT, OVERHEATED, ERROR_LIMIT, BROKEN = 1, 2, 3, 4
 _DRIVEN = frozenset({ControlMode.TORQUE, ControlMode.CURRENT, ControlMode.PWM})
 _TORQUE_INTEGRAL = 5.0  # 1/s
 _TORQUE_TRIM = 50.0  # per cent
-_CALIBRATION = 500  # steps
-_AT_REST = 100_000  # steps after which what was stopped has come to rest
-#: Modes that the board changes by itself, and from which.
-_BEFORE = {
-    ControlMode.CALIBRATION_DONE: ControlMode.CALIBRATING,
-    ControlMode.POSITION: ControlMode.CALIBRATION_DONE,
-}

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from rtf.robot.interfaces import FloatArray
-    from rtf.simulator.setpoints import Setpoints
+    from rtf.simulator.setpoints import SetpointBlocks
 
 #: Steps between two updates of the integral, which is slow.
 INTEGRATION = 4
@@ -87,7 +87,7 @@ class JointControllers:
         self._base[axis] += torque - self._bias[axis]
         self._bias[axis] = torque
 
-    def step(self, tick: int, setpoints: Setpoints, positions: FloatArray, speeds: FloatArray) -> None:
+    def step(self, tick: int, setpoints: SetpointBlocks, positions: FloatArray, speeds: FloatArray) -> None:
         """Compute the torques of a step. Flat and without allocations: it is called a thousand times a second."""
         row = tick - setpoints.begin
         if row >= BLOCK:

@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Property
-from rtf.robot.devices.fake_board import FakeBoard
+from rtf.robot.devices.fake_board import FakeBoard, FakeDriver
 
 if TYPE_CHECKING:
-    from rtf.robot.devices.fake_axes import FakeAxes
-    from rtf.robot.interfaces import FloatArray
     from rtf.robot.model import Part
     from rtf.simulator.simulation import Simulation
 
@@ -18,23 +16,12 @@ class KinematicPart(FakeBoard):
     """The control board of a part without physics, in the time of a simulation; it is open from its construction."""
 
     def __init__(self, part: Part, simulation: Simulation) -> None:
-        super().__init__(part.name)
-        self._simulation = simulation
+        super().__init__(part.name, driver=FakeDriver(lambda: simulation.now))
         low = " ".join(f"{axis.minimum:g}" for axis in part.axes)
         high = " ".join(f"{axis.maximum:g}" for axis in part.axes)
         names = " ".join(axis.name for axis in part.axes)
-        self.open(
-            Property.parse(
-                f"(GENERAL (Joints {len(part.axes)}) (AxisName ({names}))) (LIMITS (Min ({low})) (Max ({high})))"
-            )
+        configuration = Property.parse(
+            f"(GENERAL (Joints {len(part.axes)}) (AxisName ({names}))) (LIMITS (Min ({low})) (Max ({high})))"
         )
-        simulation.on_reset.append(lambda: self._start(self._axes.minima, self._axes.maxima))
-
-    def _start(self, minima: FloatArray, maxima: FloatArray) -> None:
-        with self._lock:
-            super()._start(minima, maxima)
-            self._axes.time = self._simulation.now
-
-    def _now(self) -> FakeAxes:
-        self._axes.advance(self._simulation.now)
-        return self._axes
+        self.open(configuration)
+        simulation.on_reset.append(lambda: self.open(configuration))

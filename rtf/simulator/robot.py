@@ -93,7 +93,7 @@ class SimulatedRobot:
     def _board(self, part: str) -> SimulatedPart | KinematicPart:
         if part in self.model.kinematic_parts:
             return KinematicPart(self.model.kinematic_parts[part], self.simulation)
-        return SimulatedPart(part, self.simulation.boards, self.simulation.lock)
+        return SimulatedPart(part, self.simulation.boards)
 
     def _open(self, opened: ExitStack, *, lockstep: bool, cameras: bool, clock: str) -> None:
         """Open all ports, the clock last, as the time begins with it."""

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from rtf.middleware.ports.network import Network
     from rtf.robot.extended_state import ExtendedState
     from rtf.simulator.boards import Boards
-    from rtf.simulator.fair_lock import FairLock
 
 
 class SimulationDevice(Device):
@@ -102,14 +101,14 @@ class SimulatedBoard(SimulatedPart):
         self._simulation: Simulation | None = None
 
     def open(self, configuration: Property) -> None:
-        self.part = as_string(configuration.find("part"))
-        if not self.part:
+        self._part = as_string(configuration.find("part"))
+        if not self._part:
             raise wrong(configuration, "part", "it is missing: the part of the simulated robot")
 
     def attach(self, devices: Mapping[str, Device]) -> None:
         """Attach the board to a simulated robot. Raises RefusedError for a part that the robot does not have."""
         simulation = simulation_of(self, devices)
-        self._choose(simulation.plant.robot)
+        self._be(simulation.plant.robot, self._part)
         self._simulation = simulation
 
     def detach(self) -> None:
@@ -119,27 +118,18 @@ class SimulatedBoard(SimulatedPart):
         self.detach()
 
     def axes(self) -> int:
-        self._attached()
+        self.board  # noqa: B018 - which raises DeviceError
         return self.size
 
     @property
-    def boards(self) -> Boards:  # type: ignore[override]  # here it may be missing
-        """The boards of all parts."""
-        return self._attached().boards
-
-    @property
-    def lock(self) -> FairLock:  # type: ignore[override]  # likewise
-        """The lock for commands."""
-        return self._attached().lock
-
-    def _attached(self) -> Simulation:
+    def board(self) -> Boards:
         if self._simulation is None:
             raise DeviceError(f"{self.name} is attached to no simulated robot; its action 'attach' comes first")
-        return self._simulation
+        return self._simulation.boards
 
     def fill_state(self, state: ExtendedState) -> float:
         """See IStateSource. Reads between two steps, as it is called in another thread than the simulation's."""
-        with self.lock:
+        with self.board.lock:
             return super().fill_state(state)
 
 

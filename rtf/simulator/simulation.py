@@ -16,7 +16,6 @@ import numpy as np
 from rtf import clock
 from rtf.robot.model.engine import mujoco
 from rtf.simulator.boards import Boards
-from rtf.simulator.fair_lock import FairLock
 from rtf.simulator.friction import DryFriction
 from rtf.simulator.plant import TIMESTEP
 
@@ -49,7 +48,7 @@ class Simulation:
         self.friction = DryFriction(plant, self.data)
         self.boards = Boards(plant, self.data)
         self.friction.reset()
-        self.lock = FairLock()
+        self.lock = self.boards.lock
         self.on_reset: list[Callable[[], None]] = []
         self.settle: list[Callable[[], None]] = []
         self._noise = np.empty(0)

@@ -30,7 +30,7 @@ from rtf.robot.control_modes import (
     answer,
 )
 from rtf.robot.device import Device
-from rtf.robot.errors import RefusedError, RobotError
+from rtf.robot.errors import NotSupportedError, RefusedError, RobotError
 from rtf.robot.interfaces import (
     CalibrationParameters,
     IAmplifierControl,
@@ -131,6 +131,8 @@ class ControlBoardContract:
     SMALL: ClassVar[float] = 0.25
     #: Interfaces that this kind of board has not got.
     LACKING: ClassVar[tuple[type[Any], ...]] = ()
+    #: Methods of measurements that it does not have, though it has their interfaces.
+    UNMEASURED: ClassVar[frozenset[str]] = frozenset()
 
     @pytest.fixture
     def board(self) -> Device:
@@ -215,7 +217,10 @@ class ControlBoardContract:
         self.settle()
         read = getattr(self.of(board, interface), method)
         axes = self.of(board, IAxisInfo).axes()
-        if method != "motion_done":
+        if method in self.UNMEASURED:
+            with pytest.raises(NotSupportedError):
+                read()
+        elif method != "motion_done":
             every = list(read())
             assert len(every) == axes
             assert list(read(1)) == every[1:2]
@@ -248,8 +253,9 @@ class ControlBoardContract:
         """A setting of one joint reads back, and those of others stay."""
         device = self.of(board, interface)
         before, other = getattr(device, get)(0), getattr(device, get)(1)
-        getattr(device, put)(0, before + 1.5)
-        assert getattr(device, get)(0) == pytest.approx(before + 1.5)
+        changed = before - 1.5 if before == 100.0 else before + 1.5  # a duty cycle of 100 per cent is the greatest
+        getattr(device, put)(0, changed)
+        assert getattr(device, get)(0) == pytest.approx(changed)
         assert getattr(device, get)(1) == other
         getattr(device, put)(0, before)
         for call in (getattr(device, get), lambda joint: getattr(device, put)(joint, 1.0)):
@@ -331,21 +337,32 @@ class ControlBoardContract:
         assert self.of(board, IAmplifierControl).amplifier_status(1) == (0,)
 
     def test_interaction_modes_outlast_control_modes(self, board: Device):
-        """Whether a joint is compliant has nothing to do with how it is controlled."""
+        """Whether a joint is compliant has nothing to do with how it is controlled. Some joints cannot be."""
         modes = self.of(board, IInteractionMode)
-        modes.set_interaction_modes(InteractionMode.COMPLIANT, 0)
+        flags = self.can_be_compliant(board)
+        for joint, can in enumerate(flags):
+            if can:
+                modes.set_interaction_modes(InteractionMode.COMPLIANT, joint)
+            else:
+                with pytest.raises(RefusedError):
+                    modes.set_interaction_modes(InteractionMode.COMPLIANT, joint)
+        expected = tuple(InteractionMode.COMPLIANT if can else InteractionMode.STIFF for can in flags)
         for mode in (ControlMode.VELOCITY, ControlMode.IDLE, ControlMode.POSITION):
-            self.enter(board, mode)
-            assert modes.interaction_modes([0, 1]) == (InteractionMode.COMPLIANT, InteractionMode.STIFF)
-        axes = self.of(board, IAxisInfo).axes()
-        modes.set_interaction_modes([InteractionMode.COMPLIANT] * axes)
+            self.enter(board, mode, None)
+            assert modes.interaction_modes() == expected
+            assert modes.interaction_modes([1, 0]) == (expected[1], expected[0])
+        modes.set_interaction_modes([InteractionMode.STIFF] * len(flags))
         self.settle()
-        assert modes.interaction_modes() == (InteractionMode.COMPLIANT,) * axes
+        assert set(modes.interaction_modes()) == {InteractionMode.STIFF}
         modes.set_interaction_modes(InteractionMode.STIFF)
         self.settle()
         assert modes.interaction_mode(0) is InteractionMode.STIFF
         with pytest.raises(RefusedError):
-            modes.set_interaction_modes(InteractionMode.STIFF, axes)
+            modes.set_interaction_modes(InteractionMode.STIFF, len(flags))
+
+    def can_be_compliant(self, board: Device) -> list[bool]:
+        """Which joints can be compliant."""
+        return [True] * self.of(board, IAxisInfo).axes()
 
     # Moves -------------------------------------------------------------------------------------------------------
 

@@ -56,7 +56,7 @@ class Board(FakeBoard):
         self.weakest = [100.0] * 3
         for joint in range(3):
             self.set_pid(PidType.POSITION, joint, GAINS)
-            self._calibrated[joint] = False
+            self.board.calibrated[joint] = False
 
     def calibrate_axis(self, joint: int, parameters: CalibrationParameters) -> None:
         """See IControlCalibration: it takes some looks."""

@@ -59,7 +59,7 @@ CONVERSATION = """
 [get] [pos] 0 > [is] [pos] 1.5 @
 [set] [rels] (1.0 2.0) > ok
 [set] [relg] 1 (1) (0.5) > ok
-[get] [poss] > [is] [poss] (2.5 2.5) @
+[get] [poss] > [is] [poss] (1.0 0.5) @
 [set] [stos] > ok
 [set] [vel] 0 11.0 > ok
 [get] [vel] 0 > [is] [vel] 11.0 @
@@ -161,7 +161,7 @@ CONVERSATION = """
 [get] [avsu] 0 > [is] [avsu] 24.0 @
 [get] [ijfl] [jhfl] 0 > [is] 0 "" [ok]
 [set] [maxc] 0 0.0 > ok
-[get] [ijfl] [jhfl] 0 > [is] 1 "over-current: more than the 0 A that are allowed" [ok]
+[get] [ijfl] [jhfl] 0 > [is] 1 "joint0: over-current: more than 0 A" [ok]
 [get] [asta] > [is] [asta] (1 0) @
 [set] [icmd] [cmod] 0 [pos] > ok
 [get] [icmd] [cmod] 0 > [is] 0 [hwfa] @
@@ -193,8 +193,8 @@ CONVERSATION = """
 [get] [iimp] [llim] 0 > [is] [iimp] (0.0 1000.0 0.0 100.0) @
 [get] [icur] [ref] 0 > [is] [icur] 0.0 [ok]
 [get] [icur] [refs] > [is] [icur] (0.0 0.0) [ok]
-[get] [icur] [rng] 0 > [is] [icur] -5.0 5.0 [ok]
-[get] [icur] [rngs] > [is] [icur] (-5.0 -10.0) (5.0 10.0) [ok]
+[get] [icur] [rng] 0 > [is] [icur] -7.0 7.0 [ok]
+[get] [icur] [rngs] > [is] [icur] (-7.0 -15.0) (7.0 15.0) [ok]
 [set] [icur] [ref] 0 1.0 > fail
 [get] [ipwm] [ref] 0 > [is] [ipwm] 0.0 [ok]
 [get] [ipwm] [refs] > [is] [ipwm] (0.0 0.0) [ok]
@@ -209,10 +209,12 @@ CONVERSATION = """
 [set] [pid] [pids] [cur] ((1 0 0 0 0 0 0 0 0 0) (2 0 0 0 0 0 0 0 0 1.5)) > ok
 [get] [pid] [pids] [cur] > [is] [pid] ((1.0 &) (2.0 0.0 0.0 0.0 0.0 0.0 0.0 0.0 0.0 1.5)) [ok]
 [set] [pid] [pids] [cur] ((1.0 0.0 0.0 0.0 0.0 0.0 0.0 0.0 0.0 0.0)) > fail
-[set] [pid] [ref] [vel] 0 1.5 > ok
-[get] [pid] [ref] [vel] 0 > [is] [pid] 1.5 [ok]
-[set] [pid] [refs] [vel] (2.5 3.5) > ok
-[get] [pid] [refs] [vel] > [is] [pid] (2.5 3.5) [ok]
+[set] [pid] [ref] [vel] 0 1.5 > fail
+[set] [icmd] [cmds] ([posd] [posd]) > ok
+[set] [pid] [ref] [pos] 0 1.5 > ok
+[get] [pid] [ref] [pos] 0 > [is] [pid] 1.5 [ok]
+[set] [pid] [refs] [pos] (2.5 3.5) > ok
+[get] [pid] [refs] [pos] > [is] [pid] (2.5 3.5) [ok]
 [get] [pid] [err] [pos] 0 > [is] [pid] 0.0 [ok]
 [get] [pid] [errs] [pos] > [is] [pid] (0.0 0.0) [ok]
 [get] [pid] [out] [pos] 0 > [is] [pid] 0.0 [ok]
@@ -224,6 +226,8 @@ CONVERSATION = """
 [set] [pid] [off] [trq] 1 0.5 > ok
 [get] [pid] [pid] [trq] 1 > [is] [pid] (1.0 2.0 3.0 4.0 5.0 0.5 7.0 8.0 9.0 10.0) [ok]
 [set] [pid] [res] [pos] 0 > ok
+[get] [pid] [ena] [pos] 0 > [is] [pid] 1 [ok]
+[set] [pid] [dis] [pos] 0 > ok
 [get] [pid] [ena] [pos] 0 > [is] [pid] 0 [ok]
 [set] [pid] [ena] [pos] 0 > ok
 [get] [pid] [ena] [pos] 0 > [is] [pid] 1 [ok]

@@ -131,7 +131,7 @@ def test_no_acceleration_is_any_acceleration(stepped: ManualClock):
     board.velocity_move(10.0, 0)
     board.position_move(10.0, 1)
     stepped.sleep(1.0)
-    assert board.encoders([0, 1]).tolist() == [10.0, 0.0]
+    assert board.encoders([0, 1]) == pytest.approx([10.0, 0.0], abs=1e-6)
     assert not board.motion_done(1)
 
 

@@ -30,7 +30,7 @@ class Rig:
 
     def part(self, name: str) -> SimulatedPart:
         """A part as a device."""
-        return SimulatedPart(name, self.boards, self.simulation.lock)
+        return SimulatedPart(name, self.boards)
 
     def enter(self, axis: str, mode: ControlMode) -> None:
         """Ask for a mode."""

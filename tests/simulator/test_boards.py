@@ -19,9 +19,10 @@ from rtf.robot.control_modes import (
     InteractionMode,
     answer,
 )
+from rtf.robot.devices.motor_board import ERROR_LIMIT, OVERCURRENT, OVERHEATED
 from rtf.robot.errors import RefusedError
-from rtf.robot.model.engine import mujoco
-from rtf.simulator.boards import ERROR_LIMIT, OVERCURRENT, OVERHEATED, WATCHDOG
+from rtf.simulator.boards import Boards
+from rtf.simulator.engine import mujoco
 
 from .rig import Rig
 
@@ -55,7 +56,7 @@ class TestModes:
         """Every request in every state, permitted or not."""
         axis = INDEX[ELBOW]
         for request in ControlMode:
-            rig.boards._enter(axis, state)
+            rig.boards.enter(axis, state)
             result, after = answer(state, request)
             if result is Answer.REFUSED:
                 with pytest.raises(RefusedError, match="l_elbow"):
@@ -81,7 +82,7 @@ class TestModes:
         rig.run(0.2)
         before = rig.at(SHOULDER)
         assert abs(rig.torque(SHOULDER)) > 1.0
-        rig.boards._enter(INDEX[SHOULDER], mode)
+        rig.boards.enter(INDEX[SHOULDER], mode)
         rig.run(0.3)
         assert rig.torque(SHOULDER) == 0.0
         assert abs(rig.at(SHOULDER) - before) > 5.0
@@ -237,13 +238,13 @@ class TestWatchdogs:
         for axis, mode in ((NECK, ControlMode.VELOCITY), ("torso_yaw", ControlMode.MIXED)):
             rig.enter(axis, mode)
             rig.say(rig.boards.run, axis, 20.0, 1000.0)
-        rig.run(WATCHDOG - 0.02)
+        rig.run(Boards.watchdog - 0.02)
         for axis in (NECK, "torso_yaw"):
             assert rig.boards.velocity[INDEX[axis]] == pytest.approx(20.0, abs=1.0)
         rig.run(0.3)
         for axis in (NECK, "torso_yaw"):
             assert rig.boards.velocity[INDEX[axis]] == pytest.approx(0.0, abs=0.5)
-            assert rig.at(axis) == pytest.approx(20.0 * WATCHDOG, abs=0.6)
+            assert rig.at(axis) == pytest.approx(20.0 * Boards.watchdog, abs=0.6)
 
     @pytest.mark.parametrize(
         ("mode", "command", "value"),
@@ -259,7 +260,7 @@ class TestWatchdogs:
         rig.enter(NECK, mode)
         for _ in range(3):
             rig.say(getattr(rig.boards, command), NECK, value)
-            rig.run(WATCHDOG - 0.02)
+            rig.run(Boards.watchdog - 0.02)
             assert rig.torque(NECK) == pytest.approx(0.5, rel=0.01)
         rig.run(0.04)
         assert rig.torque(NECK) == pytest.approx(0.0, abs=1e-9)
@@ -491,7 +492,7 @@ class TestControllers:
         rig.boards.speeds[INDEX[axis]] = 30.0
         for limit in (AXES[INDEX[axis]].minimum, AXES[INDEX[axis]].maximum):
             rig.say(rig.boards.move, axis, limit)
-            while not rig.boards.setpoints.done(np.array([INDEX[axis]]), rig.boards.tick)[0]:
+            while not rig.boards.trajectories.done(np.array([INDEX[axis]]), rig.boards.tick)[0]:
                 rig.run(0.05)
                 assert abs(rig.boards.output[INDEX[axis]]) <= 30.0 + 1e-9
             rig.run(1.0)

@@ -78,7 +78,7 @@ class Bench:
         own = dataclasses.replace(model(), model=copy.copy(model().model))
         self.simulation = Simulation(own, seed=seed)
         self.boards = self.simulation.boards
-        self.arm = SimulatedPart("left_arm", self.boards, self.simulation.lock)
+        self.arm = SimulatedPart("left_arm", self.boards)
         self.force_torques = {"left_arm": SimulatedForceTorque(own.ft_sensors[0], self.simulation)}
         self.model = ICUB
         self.imus = {"inertial": SimulatedImu(own.imus[0], self.simulation)}
@@ -178,8 +178,8 @@ def health(bench: Bench) -> dict[str, object]:
     engine = bench.simulation.plant.model
     found["friction"], found["gains"] = engine.dof_frictionloss.tobytes(), engine.actuator_gainprm.tobytes()
     found["pushed"] = bench.simulation.data.qfrc_applied.tobytes()
-    found["limits"] = (boards.setpoints.minimum.tobytes(), boards.setpoints.maximum.tobytes())
-    found["told"] = [list(bench.imus["inertial"].faults), list(bench.force_torques["left_arm"].faults)]
+    found["limits"] = (boards.trajectories.minimum.tobytes(), boards.trajectories.maximum.tobytes())
+    found["told"] = [list(bench.imu.faults), list(bench.force_torques["left_arm"].faults)]
     found["seen"], found["sent"] = list(bench.cameras["left"].faults), list(bench.outlet.disturbances)
     return found
 
@@ -195,7 +195,7 @@ def state(bench: Bench) -> dict[str, object]:
         **physics,
         **numbers_of(bench.boards, vars(bench.boards).keys() - _NOT_STATE),
         "gathered": bench.boards.controllers._base.tobytes(),
-        "setpoints": numbers_of(bench.boards.setpoints, vars(bench.boards.setpoints)),
+        "references": numbers_of(bench.boards.trajectories, vars(bench.boards.trajectories)),
         "random": str(bench.simulation.random.bit_generator.state),
     }
 

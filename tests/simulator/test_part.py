@@ -16,9 +16,9 @@ from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
 from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.control_modes import ControlMode, InteractionMode
-from rtf.robot.devices.fake_axes import LEAST_MOVE
+from rtf.robot.devices.trajectories import LEAST_MOVE
 from rtf.robot.errors import RefusedError
-from rtf.robot.interfaces import IInteractionMode, IRemoteVariables, PidType
+from rtf.robot.interfaces import IRemoteVariables, PidType
 from rtf.simulator.part import SimulatedPart
 from rtf.simulator.robot import SimulatedRobot
 
@@ -56,39 +56,16 @@ def time(robot: SimulatedRobot) -> Iterator[clock.Clock]:
         yield time
 
 
-def with_room(part: SimulatedPart) -> SimulatedPart:
-    """A part whose limits of duty cycles can be raised, which the contract does."""
-    for motor in range(part.motor_count()):
-        part.set_pwm_limit(motor, 98.0)
-    return part
-
-
 class _PartContract(ControlBoardContract):
-    """What only the simulated board does otherwise: not every joint can be compliant."""
+    """What differs from other boards: not every joint can be compliant."""
 
     def settle(self) -> None:
         """See the contract: two messages later everything said has shown its effect."""
         self.advance(0.021)
 
-    def test_interaction_modes_outlast_control_modes(self, board: Device):
-        """Joints whose torque is sensed keep their interaction mode; others cannot be compliant."""
-        modes = self.of(board, IInteractionMode)
-        flags = [bool(flag) for flag in self.of(board, IRemoteVariables).variable("torqueControlEnabled").get(0)]
-        for joint, can in enumerate(flags):
-            if not can:
-                with pytest.raises(RefusedError):
-                    modes.set_interaction_modes(InteractionMode.COMPLIANT, joint)
-            else:
-                modes.set_interaction_modes(InteractionMode.COMPLIANT, joint)
-        expected = tuple(InteractionMode.COMPLIANT if can else InteractionMode.STIFF for can in flags)
-        for mode in (ControlMode.VELOCITY, ControlMode.IDLE, ControlMode.POSITION):
-            self.enter(board, mode, None)
-            assert modes.interaction_modes() == expected
-        modes.set_interaction_modes(InteractionMode.STIFF)
-        self.settle()
-        assert set(modes.interaction_modes()) == {InteractionMode.STIFF}
-        with pytest.raises(RefusedError):
-            modes.set_interaction_modes(InteractionMode.STIFF, len(flags))
+    def can_be_compliant(self, board: Device) -> list[bool]:
+        """See the contract: joints whose torque is sensed."""
+        return [bool(flag) for flag in self.of(board, IRemoteVariables).variable("torqueControlEnabled").get(0)]
 
 
 class _OnTheSpot(_PartContract):
@@ -101,7 +78,7 @@ class _OnTheSpot(_PartContract):
         """See the contract."""
         rig.simulation.reset()
         self.rig = rig
-        return with_room(rig.part(self.PART))
+        return rig.part(self.PART)
 
     def advance(self, seconds: float) -> None:
         """See the contract."""
@@ -127,7 +104,6 @@ class TestThroughTheNetwork(_PartContract):
     def board(self, robot: SimulatedRobot, time: clock.Clock) -> Iterator[RemoteControlBoard]:
         """See the contract."""
         robot.simulation.reset()
-        with_room(robot.parts["left_arm"])
         self.time = time
         client = RemoteControlBoard("arm", network=robot.network)
         client.open(Property({"remote": "/icubSim/left_arm", "local": "/test", "carrier": "tcp"}))

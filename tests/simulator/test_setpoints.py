@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rtf.robot.devices.fake_axes import LEAST_MOVE
-from rtf.simulator.setpoints import BLOCK, Setpoints
+from rtf.robot.devices.trajectories import LEAST_MOVE
+from rtf.simulator.setpoints import BLOCK, SetpointBlocks
 
 STEP = 1e-3
 AXES = np.arange(3)
@@ -16,17 +16,17 @@ LIMIT = 80.0
 
 
 @pytest.fixture
-def setpoints() -> Setpoints:
+def setpoints() -> SetpointBlocks:
     """Three axes at 0, 10 and -20 degrees, which may be from -80 to 80."""
     return made()
 
 
-def made() -> Setpoints:
+def made() -> SetpointBlocks:
     """Anew."""
-    return Setpoints(np.array([0.0, 10.0, -20.0]), np.full(3, -LIMIT), np.full(3, LIMIT), STEP)
+    return SetpointBlocks(np.array([0.0, 10.0, -20.0]), np.full(3, -LIMIT), np.full(3, LIMIT), STEP)
 
 
-def path(setpoints: Setpoints, begin: int, steps: int, axis: int = 0) -> np.ndarray:
+def path(setpoints: SetpointBlocks, begin: int, steps: int, axis: int = 0) -> np.ndarray:
     """Position, speed and acceleration at some steps, (3, steps)."""
     axes = np.array([axis])
     return np.array([[number[0] for number in setpoints.at(tick, axes)] for tick in range(begin, begin + steps)]).T
@@ -41,7 +41,7 @@ class TestMoves:
     """Minimum-jerk moves."""
 
     @pytest.mark.parametrize(("target", "speed"), [(30.0, 20.0), (-45.0, 60.0), (10.5, 100.0), (80.0, 50.0)])
-    def test_from_rest_it_is_the_known_polynomial(self, setpoints: Setpoints, target: float, speed: float):
+    def test_from_rest_it_is_the_known_polynomial(self, setpoints: SetpointBlocks, target: float, speed: float):
         """10 s³ - 15 s⁴ + 6 s⁵ of the way, which takes as long as the mean speed says."""
         setpoints.move(np.array([1]), np.array([target]), np.array([speed]), 100)
         way, duration = target - 10.0, abs(target - 10.0) / speed
@@ -54,7 +54,7 @@ class TestMoves:
 
     @pytest.mark.parametrize("moment", [1, 150, 499, 900, 1000])
     @pytest.mark.parametrize("target", [-30.0, 25.0, 60.0])
-    def test_from_motion_nothing_jumps(self, setpoints: Setpoints, moment: int, target: float):
+    def test_from_motion_nothing_jumps(self, setpoints: SetpointBlocks, moment: int, target: float):
         """Position and speed go on from what they are, and so does acceleration, as far as the move has as much itself.
 
         It ends at rest at its target.
@@ -74,7 +74,7 @@ class TestMoves:
     @pytest.mark.parametrize("moment", range(1, 6))
     @pytest.mark.parametrize(("target", "astray"), [(60.0, 0.01), (5.0, 0.01), (-30.0, 9.0)])
     def test_a_way_that_took_milliseconds_does_not_swing(
-        self, setpoints: Setpoints, moment: int, target: float, astray: float
+        self, setpoints: SetpointBlocks, moment: int, target: float, astray: float
     ):
         """0.1 deg of it has thousands of deg/s²; what is told in the middle of it turns back from its speed at most."""
         setpoints.move(AXES, same(0.1), same(20.0), 0)
@@ -85,19 +85,19 @@ class TestMoves:
         assert positions.max() <= max(high, 0.1) + astray
         assert np.abs(speeds).max() < 60.0
 
-    def test_done_at_the_end_and_not_before(self, setpoints: Setpoints):
+    def test_done_at_the_end_and_not_before(self, setpoints: SetpointBlocks):
         """The step at which the target is reached is the first one at which the motion is done."""
         setpoints.move(np.array([0, 1]), np.array([10.0, 60.0]), same(20.0)[:2], 7)
         assert setpoints.done(AXES, 506).tolist() == [False, False, True]
         assert setpoints.done(AXES, 507).tolist() == [True, False, True]
         assert setpoints.done(AXES, 2507).tolist() == [True, True, True]
 
-    def test_speed_zero_is_slow_but_ends(self, setpoints: Setpoints):
+    def test_speed_zero_is_slow_but_ends(self, setpoints: SetpointBlocks):
         """A speed of 0 asks for no division by it."""
         setpoints.move(AXES, same(1.0), same(0.0), 0)
         assert np.isfinite(setpoints.at(5, AXES)[0]).all()
 
-    def test_a_target_where_the_reference_is_changes_nothing(self, setpoints: Setpoints):
+    def test_a_target_where_the_reference_is_changes_nothing(self, setpoints: SetpointBlocks):
         """A move of no length is done after the least duration of a move, and not before."""
         setpoints.move(AXES, np.array([0.0, 10.0, -20.0]), same(10.0), 3)
         assert setpoints.at(4, AXES)[0] == pytest.approx([0.0, 10.0, -20.0])
@@ -105,7 +105,7 @@ class TestMoves:
         assert not setpoints.done(AXES, end - 1).any()
         assert setpoints.done(AXES, end).all()
 
-    def test_a_move_from_motion_stays_within_the_limits(self, setpoints: Setpoints):
+    def test_a_move_from_motion_stays_within_the_limits(self, setpoints: SetpointBlocks):
         """Anyone who is fast near a limit and told to end there slowly does not swing beyond it."""
         setpoints.run(AXES, same(60.0), same(1e6), 0)
         setpoints.move(AXES, same(LIMIT), same(1.0), 1300)
@@ -116,7 +116,7 @@ class TestMoves:
 class TestSpeeds:
     """Running at speeds."""
 
-    def test_a_ramp_and_then_a_line(self, setpoints: Setpoints):
+    def test_a_ramp_and_then_a_line(self, setpoints: SetpointBlocks):
         """The speed grows with the acceleration and stays."""
         setpoints.run(AXES, same(20.0), same(100.0), 50)
         t = np.arange(1000) * STEP
@@ -124,7 +124,7 @@ class TestSpeeds:
         assert found[1] == pytest.approx(np.minimum(100.0 * t, 20.0), abs=1e-9)
         assert found[0] == pytest.approx(np.where(t < 0.2, 50 * t**2, 20 * t - 2), abs=1e-9)
 
-    def test_speeds_follow_on_each_other(self, setpoints: Setpoints):
+    def test_speeds_follow_on_each_other(self, setpoints: SetpointBlocks):
         """From one speed to its opposite there is a ramp, and positions do not jump."""
         setpoints.run(AXES, same(20.0), same(1000.0), 0)
         setpoints.run(AXES, same(-20.0), same(100.0), 500)
@@ -133,7 +133,7 @@ class TestSpeeds:
         assert found[1][400:] == pytest.approx(-20.0)
         assert np.abs(np.diff(found[0])).max() <= 20.0 * STEP + 1e-9
 
-    def test_to_a_stop(self, setpoints: Setpoints):
+    def test_to_a_stop(self, setpoints: SetpointBlocks):
         """Speed 0 ends at rest, v²/2a further."""
         setpoints.run(AXES, same(30.0), same(1e9), 0)
         setpoints.run(AXES, same(0.0), same(1000.0), 1000)
@@ -141,7 +141,7 @@ class TestSpeeds:
         assert setpoints.at(99999, AXES)[0][0] == pytest.approx(30.0 + 0.45)
         assert setpoints.at(99999, AXES)[1][0] == 0.0
 
-    def test_a_line_ends_at_the_limit(self, setpoints: Setpoints):
+    def test_a_line_ends_at_the_limit(self, setpoints: SetpointBlocks):
         """There the speed is 0; and from there it goes back at once."""
         setpoints.run(AXES, same(100.0), same(1e9), 0)
         assert setpoints.at(5000, AXES)[0] == pytest.approx(same(LIMIT))
@@ -150,7 +150,7 @@ class TestSpeeds:
         assert setpoints.at(5100, AXES)[0] == pytest.approx(same(LIMIT - 1.0), abs=1e-6)
 
     @pytest.mark.parametrize("acceleration", [1.0, 10.0, 100.0])
-    def test_slowing_down_does_not_lead_beyond_the_limit(self, setpoints: Setpoints, acceleration: float):
+    def test_slowing_down_does_not_lead_beyond_the_limit(self, setpoints: SetpointBlocks, acceleration: float):
         """Who is told to stop gently near a limit stops at it."""
         setpoints.run(AXES, same(100.0), same(1e9), 0)
         setpoints.run(AXES, same(0.0), same(acceleration), 780)
@@ -158,7 +158,7 @@ class TestSpeeds:
             assert setpoints.at(tick, AXES)[0].max() <= LIMIT
         assert setpoints.at(200_000, AXES)[1].tolist() == [0.0, 0.0, 0.0]
 
-    def test_speeding_up_does_not_lead_beyond_the_limit(self, setpoints: Setpoints):
+    def test_speeding_up_does_not_lead_beyond_the_limit(self, setpoints: SetpointBlocks):
         """Nor does a ramp that takes longer than the way."""
         setpoints.run(AXES, same(100.0), same(1.0), 0)
         assert setpoints.at(90_000, AXES)[0] == pytest.approx(same(LIMIT))
@@ -168,7 +168,7 @@ class TestSpeeds:
 class TestLimits:
     """Between what setpoints are."""
 
-    def test_one_that_begins_outside_may_come_back_and_no_further_out(self, setpoints: Setpoints):
+    def test_one_that_begins_outside_may_come_back_and_no_further_out(self, setpoints: SetpointBlocks):
         """A joint that was pushed beyond its limit is led back, not snatched."""
         setpoints.hold(AXES, same(LIMIT + 3), 0)
         assert setpoints.at(10, AXES)[0] == pytest.approx(same(LIMIT + 3))
@@ -178,7 +178,7 @@ class TestLimits:
         assert setpoints.at(502, AXES)[0] == pytest.approx(same(LIMIT + 3), abs=0.01)
         assert setpoints.at(9999, AXES)[0] == pytest.approx(same(70.0))
 
-    def test_limits_that_leave_an_axis_outside_stop_it(self, setpoints: Setpoints):
+    def test_limits_that_leave_an_axis_outside_stop_it(self, setpoints: SetpointBlocks):
         """It stays where it is then, instead of jumping to the limit."""
         setpoints.run(AXES, same(20.0), same(1e9), 0)
         setpoints.set_limits(0, -10.0, 5.0, 1000)
@@ -196,7 +196,7 @@ _COMMANDS = st.one_of(
 )
 
 
-def tell(setpoints: Setpoints, axes: list[int], command: tuple[str, float, float], now: int) -> None:
+def tell(setpoints: SetpointBlocks, axes: list[int], command: tuple[str, float, float], now: int) -> None:
     """Give one command."""
     what, first, second = command
     chosen = np.array(axes)
@@ -221,7 +221,7 @@ def tell(setpoints: Setpoints, axes: list[int], command: tuple[str, float, float
 )
 def test_rows_are_what_an_evaluation_gives(history: list, scale: float):
     """Whatever was told when, the row of each step is the trajectory there, and is within or on the way to limits."""
-    setpoints = Setpoints(
+    setpoints = SetpointBlocks(
         np.array([0.0, 10.0, -20.0]),
         same(-LIMIT),
         same(LIMIT),

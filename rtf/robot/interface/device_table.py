@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf.clock import Deadline
@@ -57,7 +58,8 @@ class DeviceTable:
         who = f"{entry.name} ({entry.kind})"
 
         def make() -> None:
-            device = find_device(entry.kind)(entry.name, network=self._network)
+            beside = Path(entry.location.file).parent if entry.location.file else None
+            device = find_device(entry.kind, beside)(entry.name, network=self._network)
             self._made[entry.name] = device
             device.open(entry.configuration.copy())
 

@@ -1,0 +1,43 @@
+"""A part of the simulated robot: a control board over some of the axes of its motor boards."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rtf.robot.device import Device
+from rtf.robot.devices.control_board import ControlBoard
+
+if TYPE_CHECKING:
+    from rtf.bottle import Property
+    from rtf.robot.interfaces import FloatArray
+    from rtf.robot.model import RobotModel
+    from rtf.simulator.boards import Boards
+
+
+class SimulatedPart(ControlBoard):
+    """A control board of the simulated robot; it lives as long as the simulation."""
+
+    def __init__(self, part: str, boards: Boards) -> None:
+        Device.__init__(self, part)
+        self._boards = boards
+        self._be(boards.plant.robot, part)
+
+    def _be(self, robot: RobotModel, part: str) -> None:
+        """Find the part among the robot's axes. Raises RefusedError for a part that it does not have."""
+        described = robot.part(part)
+        self.own, self.size = robot.part_slice(part), len(described.axes)
+        self._spans = [slice(block.first, block.first + block.size) for block in described.couplings]
+
+    @property
+    def board(self) -> Boards:
+        return self._boards
+
+    def open(self, configuration: Property) -> None:
+        """Do nothing: the part is open from its construction."""
+
+    def close(self) -> None:
+        """Do nothing: there are no resources."""
+
+    def _coupling_blocks(self) -> list[FloatArray]:
+        (whole,) = super()._coupling_blocks()
+        return [whole[span, span] for span in self._spans]
