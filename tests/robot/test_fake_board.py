@@ -195,5 +195,5 @@ def test_reference_speeds_are_clipped_and_never_negative():
     board.set_reference_accelerations(1e6, 0)
     assert board.reference_accelerations(0).tolist() == [1e6]
     for change in (board.set_reference_speeds, board.set_reference_accelerations):
-        with pytest.raises(RefusedError, match="fake: .* must not be negative"):
+        with pytest.raises(RefusedError, match=r"fake: .* must not be negative"):
             change(-1.0, 0)

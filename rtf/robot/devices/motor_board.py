@@ -346,6 +346,7 @@ class MotorBoard(BoardAxes):
     def set_max_current(self, axis: int, current: float) -> None:
         """Set the current at which an axis goes into fault; at 0 A it does so at once."""
         self.max_current[axis] = current
+        self.driver.configure(axis)
         if current <= 0.0 and ControlMode(int(self.mode[axis])) is not ControlMode.HARDWARE_FAULT:
             self._over_current(axis)
 
