@@ -99,6 +99,7 @@ def test_a_move_lasts_the_way_over_the_speed(stepped: ManualClock):
 def test_a_move_has_a_least_duration(stepped: ManualClock, target: float, speed: float):
     """It is not done at once, neither to where the joint is nor at any speed; a client would miss its begin."""
     board = opened()
+    board.set_velocity_limits(0, 0.0, 1e6)
     board.set_reference_speeds(speed, 0)
     board.position_move(target, 0)
     assert not board.motion_done(0)
@@ -184,3 +185,15 @@ def test_values_that_make_no_sense_are_refused():
         board.set_gearbox_ratio(0, 0.0)
     with pytest.raises(RefusedError):
         board.set_velocity_limits(0, -1.0, 5.0)
+
+
+def test_reference_speeds_are_clipped_and_never_negative():
+    """To the greatest speed of the joint; accelerations are not clipped."""
+    board = opened()
+    board.set_reference_speeds([1e6, 20.0], [0, 1])
+    assert board.reference_speeds([0, 1]).tolist() == [50.0, 20.0]
+    board.set_reference_accelerations(1e6, 0)
+    assert board.reference_accelerations(0).tolist() == [1e6]
+    for change in (board.set_reference_speeds, board.set_reference_accelerations):
+        with pytest.raises(RefusedError, match=r"fake: .* must not be negative"):
+            change(-1.0, 0)

@@ -109,7 +109,9 @@ class BoardBase(Device):
         """Pass a command to those of the chosen axes that are in a mode which accepts it."""
         axes = self._places(joints, "motor" if what in ("current", "duty") else "joint")
         given = values_for(len(axes), values)
-        with self._between_cycles() as board:
+        board = self.board
+        with board.lock:  # not by _between_cycles, as it is called often
+            board.update()
             taken = board.accept(what, axes.tolist(), modes)
             if taken:
                 execute(axes[taken], given[taken])

@@ -71,23 +71,24 @@ class BoardMotion(
 
     def set_reference_speeds(self, speeds: Values, joints: AxisSelection = None) -> None:
         """See IPositionControl. Speeds are clipped to the greatest speed of the joint."""
-        axes = self._places(joints)
-        given = values_for(len(axes), speeds)
-        if (given < 0).any():
-            raise RefusedError(f"{self.name}: speeds must not be negative: {given.tolist()}")
-        with self.board.lock:
-            self.board.speeds[axes] = np.minimum(given, self.board.max_velocity[axes])
+        self._set_magnitudes("speeds", speeds, joints, self.board.speeds, self.board.max_velocity)
 
     def reference_speeds(self, joints: AxisSelection = None) -> FloatArray:
         return self._read(self.board.speeds, joints)
 
     def set_reference_accelerations(self, accelerations: Values, joints: AxisSelection = None) -> None:
+        board = self.board
+        self._set_magnitudes("accelerations", accelerations, joints, board.accelerations, np.full(board.count, np.inf))
+
+    def _set_magnitudes(
+        self, what: str, values: Values, joints: AxisSelection, into: FloatArray, most: FloatArray
+    ) -> None:
         axes = self._places(joints)
-        given = values_for(len(axes), accelerations)
+        given = values_for(len(axes), values)
         if (given < 0).any():
-            raise RefusedError(f"{self.name}: accelerations must not be negative: {given.tolist()}")
+            raise RefusedError(f"{self.name}: {what} must not be negative: {given.tolist()}")
         with self.board.lock:
-            self.board.accelerations[axes] = given
+            into[axes] = np.minimum(given, most[axes])
 
     def reference_accelerations(self, joints: AxisSelection = None) -> FloatArray:
         return self._read(self.board.accelerations, joints)
@@ -128,7 +129,7 @@ class BoardMotion(
         return self._measured(Field.TORQUES, joints)
 
     def torque_range(self, joint: int) -> tuple[float, float]:
-        most = float(self.board.max_torque[self._axis(joint)])
+        most = self._setting(self.board.max_torque, joint)
         return -most, most
 
     def set_reference_torques(self, torques: Values, joints: AxisSelection = None) -> None:
@@ -177,11 +178,8 @@ class BoardMotion(
 
     # ICurrentControl
 
-    def currents(self, motors: AxisSelection = None) -> FloatArray:
-        return self._measured(Field.CURRENTS, motors, "motor")
-
     def current_range(self, motor: int) -> tuple[float, float]:
-        peak = float(self.board.peak_current[self._axis(motor, "motor")])
+        peak = self._setting(self.board.peak_current, motor, "motor")
         return -peak, peak
 
     def set_reference_currents(self, currents: Values, motors: AxisSelection = None) -> None:

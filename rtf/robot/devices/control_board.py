@@ -73,7 +73,8 @@ class ControlBoard(BoardMotion, BoardMotors, BoardSettings, IStateSource, Calibr
             self._thread.stop()
             self._thread = None
         self.size = 0
-        self._board.driver.disconnect()
+        with self._board.lock:
+            self._board.driver.disconnect()
 
     def fill_state(self, state: ExtendedState) -> float:
         self._update()

@@ -88,14 +88,19 @@ class MotorBoard(BoardAxes):
         """Initialize the axes and read the hardware: they are held where they are, in position mode, calibrated."""
         self.set_up(axes, self.driver.couplings)
         self.encoder_offsets, self.motor_offsets = np.zeros(self.count), np.zeros(self.count)
-        self.state, self._spare = ExtendedState(self.count), ExtendedState(self.count)
         valid = {*self.driver.measures, *_MODES}
         valid |= {motors for joints, motors in zip(_JOINTS, _MOTORS, strict=True) if joints in valid}
-        self.state.valid[:] = self._spare.valid[:] = [field in valid for field in Field]
+        self._valid = np.array([field in valid for field in Field])
+        self.state = self._empty_state()
         for axis in range(self.count):
             self.driver.configure(axis)
         self._take(self.driver.time())
         self._hold(np.arange(self.count), self.measured(Field.JOINT_POSITIONS))
+
+    def _empty_state(self) -> ExtendedState:
+        state = ExtendedState(self.count)
+        state.valid[:] = self._valid
+        return state
 
     def update(self) -> None:
         """Bring the state up to date, if the driver has no period of its own."""
@@ -112,8 +117,8 @@ class MotorBoard(BoardAxes):
             self.driver.write(self.setpoints, self.mode)
 
     def _take(self, now: float) -> None:
-        """Read the hardware. Readers see the whole new state, or the one before."""
-        state = self._spare
+        """Read the hardware into a new state: a reader in another thread keeps the one that it has."""
+        state = self._empty_state()
         self.tick = now * self.steps_a_second
         self.driver.read(state)
         state.joint_positions += self.encoder_offsets
@@ -122,7 +127,7 @@ class MotorBoard(BoardAxes):
                 np.dot(self.configured_couplings, state.floats[joints], out=state.floats[motors])
                 state.floats[motors] *= self.configured_gearbox
         state.motor_positions += self.motor_offsets
-        self.state, self._spare = state, self.state
+        self.state = state
         self.read_at = now
 
     @property
@@ -198,7 +203,7 @@ class MotorBoard(BoardAxes):
         self._send()
 
     def fault(self, axis: int, code: int, message: str) -> None:
-        """Put an axis into hardware fault; only a forced idle ends it. The first report of a fault counts."""
+        """Put an axis into hardware fault; only a forced idle ends it."""
         self.faults[axis] = (code, f"{self.names[axis]}: {message}")
         self._overload[axis] = 0
         self.enter(axis, ControlMode.HARDWARE_FAULT)
@@ -341,6 +346,7 @@ class MotorBoard(BoardAxes):
     def set_max_current(self, axis: int, current: float) -> None:
         """Set the current at which an axis goes into fault; at 0 A it does so at once."""
         self.max_current[axis] = current
+        self.driver.configure(axis)
         if current <= 0.0 and ControlMode(int(self.mode[axis])) is not ControlMode.HARDWARE_FAULT:
             self._over_current(axis)
 
