@@ -60,7 +60,7 @@ class BoardState(MotorBoard, BoardDriver):
         self.tick = 0
         self.couplings = plant.robot.joint_to_motor.copy()
         #: Units of each axis, deg or m, a unit of the physics engine, rad or m.
-        self.scale: FloatArray = np.where([axis.prismatic for axis in self.axes], 1.0, _DEGREES)
+        self.scale = np.array([1.0 if axis.prismatic else _DEGREES for axis in self.axes])
         self._length: FloatArray = data.actuator_length
         self._speed: FloatArray = data.actuator_velocity
         self._ctrl: FloatArray = data.ctrl
@@ -164,7 +164,8 @@ class BoardState(MotorBoard, BoardDriver):
     @property
     def velocity(self) -> FloatArray:
         """The speeds by the encoders (deg/s)."""
-        return self._measured_speed * self.scale
+        velocity: FloatArray = self._measured_speed * self.scale
+        return velocity
 
     @property
     def error(self) -> FloatArray:
