@@ -60,7 +60,7 @@ class BoardState(MotorBoard, BoardDriver):
         self.tick = 0
         self.couplings = plant.robot.joint_to_motor.copy()
         #: Units of each axis, deg or m, a unit of the physics engine, rad or m.
-        self.scale = np.array([1.0 if axis.prismatic else _DEGREES for axis in self.axes])
+        self.scale = np.array([1.0 if axis.prismatic else _DEGREES for axis in self.axes], dtype=np.float64)
         self._length: FloatArray = data.actuator_length
         self._speed: FloatArray = data.actuator_velocity
         self._ctrl: FloatArray = data.ctrl
@@ -93,7 +93,7 @@ class BoardState(MotorBoard, BoardDriver):
     def set_up(self, axes: Sequence[BoardAxis], couplings: FloatArray | None = None) -> None:
         """Initialize the boards: at home."""
         count, home = len(axes), self.plant.home_axes * self.scale
-        self.resolution = np.array([axis.encoder_resolution for axis in self.axes])
+        self.resolution = np.array([axis.encoder_resolution for axis in self.axes], dtype=np.float64)
         self._home = home
         super().set_up(axes, couplings)
         self.targets[:] = self.direct[:] = home

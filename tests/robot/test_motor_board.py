@@ -113,7 +113,7 @@ def test_modes_that_the_hardware_lacks_are_refused(board: Board):
 
 def test_motors_follow_from_joints_and_couplings(board: Board):
     """If the driver does not measure them; the variable has the couplings."""
-    board.set_reference_speeds(50.0, 0)
+    board.set_reference_speeds([50.0, 50.0])
     board.position_move([4.0, 3.0])
     board.advance(1.0)
     assert board.encoders() == pytest.approx([4.0, 3.0])

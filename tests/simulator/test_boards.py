@@ -21,8 +21,8 @@ from rtf.robot.control_modes import (
 )
 from rtf.robot.devices.motor_board import ERROR_LIMIT, OVERCURRENT, OVERHEATED
 from rtf.robot.errors import RefusedError
+from rtf.robot.model.engine import mujoco
 from rtf.simulator.boards import Boards
-from rtf.simulator.engine import mujoco
 
 from .rig import Rig
 

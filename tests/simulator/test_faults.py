@@ -179,7 +179,7 @@ def health(bench: Bench) -> dict[str, object]:
     found["friction"], found["gains"] = engine.dof_frictionloss.tobytes(), engine.actuator_gainprm.tobytes()
     found["pushed"] = bench.simulation.data.qfrc_applied.tobytes()
     found["limits"] = (boards.trajectories.minimum.tobytes(), boards.trajectories.maximum.tobytes())
-    found["told"] = [list(bench.imu.faults), list(bench.force_torques["left_arm"].faults)]
+    found["told"] = [list(bench.imus["inertial"].faults), list(bench.force_torques["left_arm"].faults)]
     found["seen"], found["sent"] = list(bench.cameras["left"].faults), list(bench.outlet.disturbances)
     return found
 

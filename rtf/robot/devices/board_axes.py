@@ -115,11 +115,16 @@ class BoardAxes:
         self.speeds, self.accelerations = SPEED * self.degree, ACCELERATION * self.degree
         self.targets, self.direct, self.velocities = np.zeros(count), np.zeros(count), np.zeros(count)
         self.torques, self.currents, self.duties = np.zeros(count), np.zeros(count), np.zeros(count)
+        self.encoder_offsets, self.motor_offsets = np.zeros(count), np.zeros(count)
         self.trajectories = self.make_trajectories()
         self._deadline = np.full(count, np.inf)  # when a command expires, s
         self._expired = np.zeros(count, dtype=bool)
         self._overload = np.zeros(count)
         self._planned: list[tuple[float, int, ControlMode]] = []  # tick, axis and mode of transitions to come
+
+    def unexpired(self, commands: FloatArray) -> FloatArray:
+        """Return commands, and 0 for those that have expired."""
+        return np.where(self._expired, 0.0, commands)
 
     def make_trajectories(self) -> Trajectories:
         """Return new trajectories, which hold all axes at 0 deg."""

@@ -6,11 +6,13 @@ The rules of a board are not the driver's: see :mod:`rtf.robot.devices.motor_boa
 from __future__ import annotations
 
 from abc import abstractmethod
+from importlib import import_module
 from typing import TYPE_CHECKING, ClassVar
 
 from rtf import clock
 from rtf.robot.control_modes import REQUESTS, ControlMode
 from rtf.robot.device import DeviceProvider
+from rtf.robot.devices.board_axes import BoardAxes
 from rtf.robot.extended_state import Field
 
 if TYPE_CHECKING:
@@ -22,7 +24,6 @@ if TYPE_CHECKING:
     from rtf.bottle import Property
     from rtf.robot.device import Device
     from rtf.robot.devices.board_axes import BoardAxis
-    from rtf.robot.devices.motor_board import MotorBoard
     from rtf.robot.extended_state import ExtendedState
     from rtf.robot.interfaces import FloatArray
 
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 class Setpoints:
     """The present setpoints, an array for each quantity. The mode of an axis says which of them counts."""
 
-    def __init__(self, board: MotorBoard) -> None:
+    def __init__(self, board: BoardAxes) -> None:
         self._board = board
 
     @property
@@ -60,6 +61,14 @@ class Setpoints:
         return self._board.unexpired(self._board.duties)
 
 
+class DrivenBoard(BoardAxes):
+    """A board as its driver sees it: modes, settings and limits of all axes, and the report of a fault."""
+
+    @abstractmethod
+    def fault(self, axis: int, code: int, message: str) -> None:
+        """Put an axis into hardware fault; only a forced idle ends it."""
+
+
 class BoardDriver(DeviceProvider):
     """A driver of a board. As a device type, it is a control board over the driver.
 
@@ -82,14 +91,14 @@ class BoardDriver(DeviceProvider):
     stopping: ClassVar[float] = 1000.0
     #: Motors = couplings @ joints, before the gearbox; ``connect`` may set it. None: each joint has a motor of its own.
     couplings: FloatArray | None = None
-    board: MotorBoard
+    board: DrivenBoard
 
     @classmethod
     def device_type(cls) -> type[Device]:
         """Return the control board over this driver."""
-        from rtf.robot.devices.control_board import ControlBoard
-
-        return ControlBoard.over(cls)
+        # By its name, as devices are loaded: a board knows its driver, not the driver a board.
+        made: type[Device] = import_module("rtf.robot.devices.control_board").ControlBoard.over(cls)
+        return made
 
     @abstractmethod
     def connect(self, configuration: Property) -> Sequence[BoardAxis]:

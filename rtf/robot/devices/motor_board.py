@@ -25,8 +25,7 @@ from rtf.robot.control_modes import (
     answer,
     mode_word,
 )
-from rtf.robot.devices.board_axes import BoardAxes
-from rtf.robot.devices.board_driver import Setpoints
+from rtf.robot.devices.board_driver import DrivenBoard, Setpoints
 from rtf.robot.errors import NotSupportedError, RefusedError
 from rtf.robot.extended_state import ExtendedState, Field
 
@@ -66,7 +65,7 @@ class Lock(Protocol):
     ) -> object: ...
 
 
-class MotorBoard(BoardAxes):
+class MotorBoard(DrivenBoard):
     """One or several motor boards with one driver, whose axes are the columns of the arrays.
 
     All methods but ``update`` are called with ``lock`` held, so never two at the same time.
@@ -87,7 +86,6 @@ class MotorBoard(BoardAxes):
     def start(self, axes: Sequence[BoardAxis]) -> None:
         """Initialize the axes and read the hardware: they are held where they are, in position mode, calibrated."""
         self.set_up(axes, self.driver.couplings)
-        self.encoder_offsets, self.motor_offsets = np.zeros(self.count), np.zeros(self.count)
         valid = {*self.driver.measures, *_MODES}
         valid |= {motors for joints, motors in zip(_JOINTS, _MOTORS, strict=True) if joints in valid}
         self._valid = np.array([field in valid for field in Field])
@@ -207,10 +205,6 @@ class MotorBoard(BoardAxes):
         self.faults[axis] = (code, f"{self.names[axis]}: {message}")
         self._overload[axis] = 0
         self.enter(axis, ControlMode.HARDWARE_FAULT)
-
-    def unexpired(self, commands: FloatArray) -> FloatArray:
-        """Return commands, and 0 for those that have expired."""
-        return np.where(self._expired, 0.0, commands)
 
     def _send(self) -> None:
         """Write at once, if there is no period."""
