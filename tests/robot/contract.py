@@ -603,6 +603,36 @@ class ControlBoardContract:
             with pytest.raises(RefusedError):
                 call()
 
+    def test_values_that_make_no_sense_are_refused(self, board: Device):
+        """No gearbox of 0, no resolution of 0, no duty cycle beyond 100 per cent, no speed below 0; nothing changes."""
+        refusals = (
+            (IMotor, "gearbox_ratio", "set_gearbox_ratio", (0, 0.0)),
+            (IMotorEncoders, "counts_per_revolution", "set_counts_per_revolution", (0, 0.0)),
+            (IAmplifierControl, "pwm_limit", "set_pwm_limit", (0, 100.5)),
+            (IAmplifierControl, "pwm_limit", "set_pwm_limit", (0, -1.0)),
+            (IControlLimits, "limits", "set_limits", (0, 5.0, 5.0)),
+            (IControlLimits, "velocity_limits", "set_velocity_limits", (0, -1.0, 5.0)),
+            (IPositionControl, "reference_speeds", "set_reference_speeds", (-1.0, 0)),
+            (IPositionControl, "reference_accelerations", "set_reference_accelerations", (-1.0, 0)),
+            (IEncoders, "encoders", "set_encoders", (1e9, 0)),
+        )
+        self.settle()
+        for interface, get, put, arguments in refusals:
+            if interface in self.LACKING:
+                continue
+            device = self.of(board, interface)
+            before = getattr(device, get)(0)
+            with pytest.raises(RefusedError):
+                getattr(device, put)(*arguments)
+            assert getattr(device, get)(0) == before, put
+
+    def test_a_joint_in_fault_is_not_calibrated(self, board: Device):
+        """It has to be forced to idle first."""
+        self.enter(board, ControlMode.HARDWARE_FAULT)
+        with pytest.raises(RefusedError):
+            self.of(board, IControlCalibration).calibrate_axis(0, CalibrationParameters())
+        assert self.mode(board) is ControlMode.HARDWARE_FAULT
+
     def test_impedance(self, board: Device):
         """Stiffness and damping within the limits are kept, others are refused."""
         springs = self.of(board, IImpedanceControl)

@@ -113,7 +113,7 @@ class BoardSettings(
 
     def set_velocity_limits(self, joint: int, minimum: float, maximum: float) -> None:
         if minimum < 0:
-            raise RefusedError(f"{self.name} joint {joint}: {minimum:g} is not the limit of a speed, which is positive")
+            raise RefusedError(f"{self.name} joint {joint}: {minimum:g} is not a limit of a speed; none is below 0")
         self._set_range(joint, minimum, maximum, self.board.min_velocity, self.board.max_velocity)
 
     def _set_range(self, joint: int, low: float, high: float, lows: FloatArray, highs: FloatArray) -> None:

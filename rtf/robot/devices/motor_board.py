@@ -11,7 +11,7 @@ client has died stops; position moves end by themselves, and direct positions ar
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -31,7 +31,7 @@ from rtf.robot.extended_state import ExtendedState, Field
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from types import TracebackType
+    from contextlib import AbstractContextManager
 
     from numpy.typing import NDArray
 
@@ -55,16 +55,6 @@ _MODES = (Field.CONTROL_MODES, Field.INTERACTION_MODES)
 _MOTORS = (Field.MOTOR_POSITIONS, Field.MOTOR_VELOCITIES, Field.MOTOR_ACCELERATIONS)
 
 
-class Lock(Protocol):
-    """A lock, as a context manager."""
-
-    def __enter__(self) -> object: ...
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None, /
-    ) -> object: ...
-
-
 class MotorBoard(DrivenBoard):
     """One or several motor boards with one driver, whose axes are the columns of the arrays.
 
@@ -76,9 +66,9 @@ class MotorBoard(DrivenBoard):
     #: When the hardware last answered, s.
     read_at: float = 0.0
 
-    def __init__(self, driver: BoardDriver, lock: Lock | None = None) -> None:
+    def __init__(self, driver: BoardDriver, lock: AbstractContextManager[object] | None = None) -> None:
         self.driver = driver
-        self.lock: Lock = lock or threading.RLock()
+        self.lock: AbstractContextManager[object] = lock or threading.RLock()
         self.setpoints = Setpoints(self)
 
     # The cycle ---------------------------------------------------------------------------------------------------
