@@ -11,7 +11,6 @@ from rtf.robot.interfaces import PidType
 from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.joints_test import JointsTest, command_at
-from rtf.robot_testing.motion.joint_queues import queues
 from rtf.robot_testing.motion.routines import run_queues
 from rtf.robot_testing.parameter_checks import swapped_limits
 from rtf.testing import Parameter
@@ -122,7 +121,7 @@ class JointLimits(JointsTest):
         self._spans: dict[int, tuple[float, float]] = {}
         self._told: dict[int, list[tuple[float, float]]] = {joint: [] for joint in self.chosen}
         with part.recorded() as trace:
-            run_queues(part, queues(part.names, self.chosen), self._routine, pace=_PACE)
+            run_queues(part, part.queues(self.chosen), self._routine, pace=_PACE)
         self._keep(trace)
 
     def _routine(self, joint: int) -> Routine[None]:

@@ -14,7 +14,7 @@ from rtf.robot_testing.joints_test import JointsTest
 from rtf.robot_testing.motion.joint_swings import JointSwinger, Outcome, ends_of
 from rtf.robot_testing.motion.joints_out_of_limits import exclude_joints_out_of_limits
 from rtf.robot_testing.motion.part import PACE
-from rtf.robot_testing.motion.routines import one_at_a_time, run_queues, until
+from rtf.robot_testing.motion.routines import run_queues, until
 from rtf.robot_testing.parameter_checks import joint_count
 from rtf.testing import Parameter
 
@@ -139,7 +139,7 @@ class OpticalEncodersConsistency(JointsTest):
         part = self.robot_part
         self._swings: dict[int, _Swing] = {}
         self._moving = set[int]()
-        run_queues(part, one_at_a_time(part.names, self.chosen), self._routine, pace=PACE)
+        run_queues(part, part.one_at_a_time(self.chosen), self._routine, pace=PACE)
         self._compare_with_expected()
         for joint in self.chosen:
             with self.subresult(part.names[joint]):

@@ -12,7 +12,7 @@ from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.joints_test import JointsTest, command_at
 from rtf.robot_testing.motion.part import PACE
-from rtf.robot_testing.motion.routines import one_at_a_time, pause, run_queues
+from rtf.robot_testing.motion.routines import pause, run_queues
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -63,7 +63,12 @@ class PositionStress(JointsTest):
     def run(self) -> None:
         """Test joint by joint, so that none collides with another; an arm and its hand at the same time."""
         self._done = 0
-        run_queues(self.robot_part, one_at_a_time(self.robot_part.names, self.chosen), self._routine, pace=PACE)
+        run_queues(
+            self.robot_part,
+            self.robot_part.one_at_a_time(self.chosen),
+            self._routine,
+            pace=PACE,
+        )
 
     def _routine(self, joint: int) -> Routine[None]:
         part = self.robot_part

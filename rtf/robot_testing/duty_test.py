@@ -17,7 +17,7 @@ from rtf.robot_testing.judging.failure_causes import likely_causes
 from rtf.robot_testing.motion.duty_ramp import BASELINE, LEAST_CREEP, LIMIT_MARGIN, Ramp, away_from_limits, limp
 from rtf.robot_testing.motion.joints_out_of_limits import exclude_joints_out_of_limits
 from rtf.robot_testing.motion.part import PACE
-from rtf.robot_testing.motion.routines import one_at_a_time, run_queues
+from rtf.robot_testing.motion.routines import run_queues
 
 if TYPE_CHECKING:
     from rtf.robot_testing.motion.duty_ramp import LimpMotor
@@ -92,7 +92,12 @@ class DutyTest(JointsTest):
     def run(self) -> None:
         """Test motor by motor."""
         self._steps_of = dict(zip(self.chosen, self.steps, strict=True))
-        run_queues(self.robot_part, one_at_a_time(self.robot_part.names, self.chosen), self._routine, pace=PACE)
+        run_queues(
+            self.robot_part,
+            self.robot_part.one_at_a_time(self.chosen),
+            self._routine,
+            pace=PACE,
+        )
 
     def _routine(self, joint: int) -> Routine[None]:
         part, problem = self.robot_part, None

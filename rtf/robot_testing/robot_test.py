@@ -189,7 +189,7 @@ class RobotTest(TestCase):
         self._await_state(board)
         guard = forces = None
         if moves:
-            forces = listen_to_forces(place, network=self.network, report=self.report)
+            forces = listen_to_forces(robot_model(self), place, network=self.network, report=self.report)
             if forces is not None:
                 self.add_cleanup(forces.close)
             guard = MotionGuard(
@@ -198,9 +198,9 @@ class RobotTest(TestCase):
                 clock=self.clock,
                 report=self.report,
                 limits=self.limits,
-                contacts=None if forces is None else ContactWatch(board, forces),
+                contacts=None if forces is None else ContactWatch(board, forces, robot_model(self), name),
             )
-        part = Part(name, board, self.clock, guard)
+        part = Part(name, board, self.clock, guard, together=robot_model(self).together(name))
         recording = FailureRecording(self, part, forces)
         self.add_cleanup(recording.write)
         if guard is not None:

@@ -20,7 +20,7 @@ from rtf.robot_testing.judging.checked_values import CheckedValue, judge_values
 from rtf.robot_testing.judging.failure_causes import likely_causes
 from rtf.robot_testing.judging.real_time_checks import loop_delay, state_delay
 from rtf.robot_testing.judging.step_response import EXPLAINED, FEWEST, largest, noise_before, spread_of, step_response
-from rtf.robot_testing.motion.routines import one_at_a_time, pause, run_queues
+from rtf.robot_testing.motion.routines import pause, run_queues
 from rtf.robot_testing.motion.start_position import bringing, holding, starting_point
 from rtf.robot_testing.robot_test import RobotTest
 from rtf.testing import Parameter
@@ -163,7 +163,10 @@ class StepTest(RobotTest):
     def run(self) -> None:
         """Test joint by joint."""
         run_queues(
-            self.robot_part, one_at_a_time(self.robot_part.names, self.chosen), self._routine, pace=self.sample_time
+            self.robot_part,
+            self.robot_part.one_at_a_time(self.chosen),
+            self._routine,
+            pace=self.sample_time,
         )
         self.robot_part.report_clock_offset(self.report)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from icub import PARTS
+from icub import ICUB, PARTS
 from robot_outcomes import failed_parts
 from rtf.robot_testing.motion.joint_queues import queues
 from rtf.testing.events import SeriesRecorded
@@ -127,13 +127,15 @@ def test_wrong_parameters_are_errors_that_say_what_there_is(outcome):
 def test_every_joint_has_one_place_in_the_queues(part):
     """None is forgotten, none is moved twice."""
     names = [axis.name for axis in PARTS[part]]
-    members = [joint for queue in queues(names, range(len(names))) for together_now in queue for joint in together_now]
+    found = queues(names, range(len(names)), ICUB.together(part))
+    members = [joint for queue in found for group in queue for joint in group]
     assert sorted(members) == list(range(len(names)))
 
 
 def test_large_joints_move_one_at_a_time():
     """Shoulder and elbow never share a round, nor are they in different queues."""
     names = [axis.name for axis in PARTS["left_arm"]]
-    first = queues(names, range(len(names)))[0]
-    assert first[:4] == [[0], [1], [2], [3]]
+    first, fingers = queues(names, range(len(names)), ICUB.together("left_arm"))
+    assert first == [[0], [1], [2], [3], [4, 5, 6]]
+    assert fingers == [[8, 9, 10], [7, 11, 12, 13, 14, 15]]
     assert queues(["a", "b"], [1, 0]) == [[[1], [0]]]

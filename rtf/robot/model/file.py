@@ -76,7 +76,8 @@ class PartTable(Table, frozen=True):
     joints: dict[Text, Joint]
     couplings: list[CouplingBlock] = []
     boards: list[Annotated[int, Meta(gt=0)]] = []  # joints of each of its electronics; default: one for all
-    together: list[list[list[str]]] = []  # queues of rounds of joints that move together; default: one after another
+    together: list[list[list[str]]] = []  # queues of groups of joints that move together; default: one after another
+    light: list[str] = []  # joints that move hardly any mass
     kinematic: bool = False  # moves hardly any mass: without physics, not in the description
 
 
@@ -105,6 +106,8 @@ class ForceTorque(Table, frozen=True):
 
     link: Text
     port: Text  # /ROBOT/PORT/analog:o
+    weight: NotNegative | None = None  # N, of the limb beyond it; with it, the guard watches the part for contacts
+    lever: NotNegative = 0.3  # m, about the greatest distance of that weight from a joint
     parts: list[str] = []  # whose joints decide the direction of its load, from the upright root outwards
     force_noise: NotNegative = 0.05  # N, standard deviation
     torque_noise: NotNegative = 0.002  # Nm

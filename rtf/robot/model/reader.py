@@ -166,11 +166,14 @@ class _Reading:
             self._fail(["parts", name], f"the part {name} has no joints")
         axes = tuple(self._axis(name, joint, table) for joint in table.joints)
         couplings = self._couplings(name, table)
-        unknown = [j for queue in table.together for round_ in queue for j in round_ if j not in table.joints]
+        unknown = [j for queue in table.together for group in queue for j in group if j not in table.joints]
         if unknown:
             self._fail(["parts", name, "together"], f"{name} has no joint {', '.join(unknown)}")
-        together = tuple(tuple(tuple(round_) for round_ in queue) for queue in table.together)
-        return Part(name, axes, couplings, together)
+        unknown = [joint for joint in table.light if joint not in table.joints]
+        if unknown:
+            self._fail(["parts", name, "light"], f"{name} has no joint {', '.join(unknown)}")
+        together = tuple(tuple(tuple(group) for group in queue) for queue in table.together)
+        return Part(name, axes, couplings, together, frozenset(table.light))
 
     # Axes ------------------------------------------------------------------------------------------------------------
 

@@ -90,8 +90,10 @@ class Part:
     name: str
     axes: tuple[Axis, ...]
     couplings: tuple[Coupling, ...]
-    #: Joints that may make large moves at the same time, by their names: queues of rounds of joints that move together.
+    #: Joints that may make large moves at the same time, by their names: queues of groups of joints that move together.
+    #: The groups of the first queue come after the joints that are in no group, one by one; the others run beside it.
     together: tuple[tuple[tuple[str, ...], ...], ...] = ()
+    light: frozenset[str] = frozenset()  # joints that move hardly any mass
 
     @property
     def joint_to_motor(self) -> NDArray[np.float64]:
@@ -151,6 +153,11 @@ class RobotModel:
         if name not in known:
             raise RefusedError(f"{self.name} has no part {name!r}; its parts are {', '.join(known)}")
         return known[name]
+
+    def together(self, part: str) -> tuple[tuple[tuple[str, ...], ...], ...]:
+        """Return the groups of joints of a part that may move together; none for a part of another robot."""
+        known = self.parts.get(part)
+        return known.together if known else ()
 
     def part_slice(self, name: str) -> slice:
         """Return the slice of a part with physics in :attr:`axes`. Raises RefusedError for an unknown one."""

@@ -8,7 +8,6 @@ have a sensor; it sees contacts beyond it, so not those of the upper arm or the 
 
 from __future__ import annotations
 
-import re
 from collections import deque
 from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple
@@ -20,7 +19,7 @@ from rtf.middleware.ports import remote
 from rtf.middleware.ports.port import Port
 from rtf.middleware.types import VECTOR, Stamp
 from rtf.middleware.wire.contact import Contact
-from rtf.robot.errors import RobotError
+from rtf.robot.errors import RefusedError, RobotError
 from rtf.robot.extended_state import Field
 from rtf.robot_testing.judging.inertial_force import InertialForce, Load
 
@@ -32,6 +31,8 @@ if TYPE_CHECKING:
     from rtf.robot.client.boards import RemoteBoard
     from rtf.robot.extended_state import ExtendedState
     from rtf.robot.interfaces import FloatArray
+    from rtf.robot.model import RobotModel
+    from rtf.robot.model.file import ForceTorque
 
 #: The channels of a message, with their units.
 CHANNELS = {"force_x": "N", "force_y": "N", "force_z": "N", "torque_x": "Nm", "torque_y": "Nm", "torque_z": "Nm"}
@@ -60,10 +61,6 @@ _JUMP = 1.0
 #: long as that of the states which explain it. A leg driven by its full motor torque for 20 ms shows 80 N in one or two
 #: messages, and 50 N by the slope of its states: the median of three forces was up to 28 N too high, this mean 0.3 N.
 _AVERAGED = 4
-#: Joints that move hardly any mass.
-_LIGHT = re.compile(r"hand|thumb|finger|index|middle|ring|pinky|little")
-#: Loads by the last word of the part's name. In the model of the iCub arms weigh 20.0 N beyond the sensor, legs 46.4 N.
-_LOADS = {"arm": Load(20.0, 0.3), "leg": Load(46.5, 0.4)}
 
 
 class NoForcesError(RobotError):
@@ -151,14 +148,18 @@ class DetectedContact(NamedTuple):
 class ContactWatch:
     """Contact detection of one limb. ``detect`` is called periodically from one thread, while the limb moves.
 
-    ``forces`` are those of the limb's ``force_port``.
+    ``forces`` are those of the limb's sensor; ``robot`` has the sensor's load, and the joints of ``part`` that move
+    hardly any mass.
     """
 
-    def __init__(self, board: RemoteBoard, forces: Forces) -> None:
+    def __init__(self, board: RemoteBoard, forces: Forces, robot: RobotModel, part: str) -> None:
         self.forces = forces
-        self._load = _LOADS[_limb(forces.source.removesuffix(_SENSOR))]
+        sensor = _watched_sensor(robot, part)
+        if sensor is None:
+            raise RefusedError(f"{robot.name} has no force-torque sensor with a load on {part}")
+        self._load = Load(sensor.weight or 0.0, sensor.lever)
         self._inertial = InertialForce(self._load)
-        self._heavy = np.array([not _LIGHT.search(name) for name in board.axis_names()])
+        self._heavy = np.array([name not in robot.parts[part].light for name in board.axis_names()])
         self._states: deque[tuple[float, ExtendedState]] = deque(maxlen=_KEPT)
         self._samples: deque[_Sample] = deque()
         self._heard: tuple[IncomingMessage | None, float] | None = None  # the last message, and its state's time, s
@@ -305,9 +306,14 @@ def _gap(times: FloatArray, begin: float, end: float) -> float:
     return float(np.diff(times[first : last + 1]).max()) if 0 <= first < last < len(times) else np.inf
 
 
-def listen_to_forces(place: str, *, network: Network, report: Callable[[str], None]) -> Forces | None:
-    """Connect to the force-torque sensor of a limb. None for other parts and, with a report, if it has none."""
-    port = force_port(place)
+def listen_to_forces(
+    robot: RobotModel, place: str, *, network: Network, report: Callable[[str], None]
+) -> Forces | None:
+    """Connect to the force-torque sensor of the part whose port names begin with ``place``.
+
+    None for a part that the robot's model gives no sensor with a load, and, with a report, if there is none.
+    """
+    port = force_port(robot, place)
     if port is None:
         return None
     try:
@@ -317,10 +323,11 @@ def listen_to_forces(place: str, *, network: Network, report: Callable[[str], No
         return None
 
 
-def force_port(place: str) -> str | None:
+def force_port(robot: RobotModel, place: str) -> str | None:
     """Return the sensor's port of a part whose port names begin with ``place``; None for a part without a sensor."""
-    return f"{place}{_SENSOR}" if _limb(place) in _LOADS else None
+    return f"{place}{_SENSOR}" if _watched_sensor(robot, place.rpartition("/")[2]) else None
 
 
-def _limb(place: str) -> str:
-    return place.rpartition("_")[2]
+def _watched_sensor(robot: RobotModel, part: str) -> ForceTorque | None:
+    found = (sensor for sensor in robot.sensors.force_torque.values() if sensor.port == part and sensor.weight)
+    return next(found, None) if part in robot.parts else None

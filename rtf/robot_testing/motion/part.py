@@ -12,11 +12,12 @@ from rtf.robot.control_modes import ControlMode
 from rtf.robot.errors import RefusedError
 from rtf.robot_testing.guard.monitored_quantities import greatest_speeds
 from rtf.robot_testing.guard.read_only_board import ReadOnlyBoard, UndeclaredMotionError
-from rtf.robot_testing.motion.routines import pause, run_to_end, until
+from rtf.robot_testing.motion.joint_queues import queues
+from rtf.robot_testing.motion.routines import one_at_a_time, pause, run_to_end, until
 from rtf.robot_testing.motion.trace import Trace
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from rtf.clock import Clock
     from rtf.robot.client.boards import RemoteBoard
@@ -53,11 +54,21 @@ class Part:
     ``guard`` is None for tests that do not move the robot: a command raises UndeclaredMotionError then.
     """
 
-    def __init__(self, name: str, board: RemoteBoard, clock: Clock, guard: MotionGuard | None) -> None:
+    def __init__(
+        self,
+        name: str,
+        board: RemoteBoard,
+        clock: Clock,
+        guard: MotionGuard | None,
+        *,
+        together: Sequence[Sequence[Sequence[str]]] = (),
+    ) -> None:
         self.name = name
         self.board = board
         self.clock = clock
         self.guard = guard
+        #: See :attr:`rtf.robot.model.Part.together`.
+        self.together = together
         if guard is not None and isinstance(board, ReadOnlyBoard):
             board.allow_commands()
         self.axes = board.axes()
@@ -72,6 +83,14 @@ class Part:
         #: The greatest speeds (deg/s); infinite if the board has none.
         self.fastest = greatest_speeds(board) if guard is None else guard.fastest
         self.home = np.clip(board.encoders(), self.low, self.high)
+
+    def queues(self, joints: Iterable[int]) -> list[list[list[int]]]:
+        """Return the queues of joints that may be moved at the same time, each a list of groups."""
+        return queues(self.names, joints, self.together)
+
+    def one_at_a_time(self, joints: Iterable[int]) -> list[list[list[int]]]:
+        """Return the queues of joints with a single joint in each group."""
+        return one_at_a_time(self.names, joints, self.together)
 
     # Joints ------------------------------------------------------------------------------------------------------
 

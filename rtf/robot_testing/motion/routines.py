@@ -63,9 +63,11 @@ def run_to_end(part: Guarded, routine: Routine[T], *, pace: float) -> T:
             part.guard.watch()
 
 
-def one_at_a_time(names: Sequence[str], joints: Iterable[int]) -> list[list[list[int]]]:
+def one_at_a_time(
+    names: Sequence[str], joints: Iterable[int], together: Sequence[Sequence[Sequence[str]]]
+) -> list[list[list[int]]]:
     """Return the queues of joints with a single joint in each group: an arm beside its hand, a neck beside its eyes."""
-    return [[[joint] for members in queue for joint in members] for queue in queues(names, joints)]
+    return [[[joint] for members in queue for joint in members] for queue in queues(names, joints, together)]
 
 
 def run_queues(

@@ -106,7 +106,7 @@ class Limb:
             clock=self.time,
             report=self.said.append,
             limits=limits,
-            contacts=ContactWatch(self.board, self.forces),
+            contacts=ContactWatch(self.board, self.forces, ICUB, "left_arm"),
         )
 
     def step(
@@ -375,8 +375,8 @@ def test_a_missing_sensor_is_reported():
 
 def test_only_arms_and_legs_have_sensors():
     """No sensor is expected at the head."""
-    assert force_port("/icub/right_leg") == "/icub/right_leg/analog:o"
-    assert force_port("/icub/head") is force_port("/icub/torso") is None
+    assert force_port(ICUB, "/icub/right_leg") == "/icub/right_leg/analog:o"
+    assert force_port(ICUB, "/icub/head") is force_port(ICUB, "/icub/torso") is None
 
 
 # On the simulated robot ------------------------------------------------------------------------------------------
@@ -399,7 +399,8 @@ def arm(tmp_path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Part]:
         time.sleep(0.1)
         forces = Forces("/icubSim/left_arm/analog:o", network=network)
         stack.callback(forces.close)
-        guard = MotionGuard(board, "/icubSim/left_arm", clock=time, report=print, contacts=ContactWatch(board, forces))
+        watch = ContactWatch(board, forces, ICUB, "left_arm")
+        guard = MotionGuard(board, "/icubSim/left_arm", clock=time, report=print, contacts=watch)
         part = Part("left_arm", board, time, guard)
         assert part.move([-5.0, 60.0, 90.0], [0, 2, 3], speed=60.0).reached
         yield part

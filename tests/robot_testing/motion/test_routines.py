@@ -6,6 +6,7 @@ from rtf.robot_testing import GuardError
 from rtf.robot_testing.motion.routines import one_at_a_time, pause, run_queues, run_to_end, until
 
 NAMES = ["neck_pitch", "neck_roll", "eyes_tilt", "eyes_version"]
+TOGETHER = [[], [["eyes_tilt", "eyes_version"]]]
 
 
 class Scripted:
@@ -74,8 +75,8 @@ def test_queues_run_in_parallel_and_their_joints_in_turn():
     """An eye waits for the eye before it and not for the neck; a joint begins when the one before has ended."""
     part = Scripted()
     lines, routine = journal(part, ticks=2)
-    run_queues(part, one_at_a_time(NAMES, range(4)), routine, pace=0.1)
-    assert one_at_a_time(NAMES, range(4)) == [[[0], [1]], [[2], [3]]]
+    run_queues(part, one_at_a_time(NAMES, range(4), TOGETHER), routine, pace=0.1)
+    assert one_at_a_time(NAMES, range(4), TOGETHER) == [[[0], [1]], [[2], [3]]]
     assert [(when, joint) for when, joint, what in lines if what == "begins"] == [(0, 0), (0, 2), (0.3, 1), (0.3, 3)]
     assert part.time == pytest.approx(0.6)
 
@@ -84,7 +85,7 @@ def test_a_stop_concerns_the_queue_of_its_joint_only():
     """The running routine of the queue gets the error, whichever joint of it was stopped, and may clean up."""
     part = Scripted({1: 3})
     lines, routine = journal(part, ticks=2)
-    run_queues(part, one_at_a_time(NAMES, range(4)), routine, pace=0.1)
+    run_queues(part, one_at_a_time(NAMES, range(4), TOGETHER), routine, pace=0.1)
     assert (0.1, 2, "eyes_version is too fast") in lines
     assert [joint for _, joint, what in lines if what == "ends"] == [0, 2, 1, 3]
     assert part.idle == []
@@ -103,7 +104,7 @@ def test_a_joint_that_is_stopped_twice_is_excluded():
     """The first time may be an accident; the joints that run then have not failed."""
     part = Scripted({1: 0, 4: 0})
     lines, routine = journal(part, ticks=3)
-    run_queues(part, one_at_a_time(NAMES, range(4)), routine, pace=0.1)
+    run_queues(part, one_at_a_time(NAMES, range(4), TOGETHER), routine, pace=0.1)
     assert part.idle == [0]
     assert [(when, joint) for when, joint, what in lines if "fast" in what] == [(0.1, 0)]
 
@@ -142,7 +143,7 @@ def test_other_errors_end_all_routines():
             closed.append(joint)
 
     with pytest.raises(ValueError, match="broken"):
-        run_queues(Scripted(), one_at_a_time(NAMES, range(4)), routine, pace=0.1)
+        run_queues(Scripted(), one_at_a_time(NAMES, range(4), TOGETHER), routine, pace=0.1)
     assert closed == [0, 2]
 
 
