@@ -167,6 +167,7 @@ def new_robot(words: Sequence[str]) -> int:
 def test_robot(words: Sequence[str]) -> int:
     """Run the suites of ``suites/any`` on a simulated robot: those whose subject the robot has."""
     from rtf.cli import testrunner
+    from rtf.cli.arguments import parse_run
     from rtf.robot.model import load_robot
     from rtf.testing.plugins import shipped_folder
 
@@ -177,6 +178,7 @@ def test_robot(words: Sequence[str]) -> int:
     )
     parser.add_argument("robot", metavar="ROBOT", help=f"its name, or the path of its {FILE}")
     options, rest = parser.parse_known_args(words)
+    parse_run(rest)
     robot = load_robot(options.robot)
     torque = [part.name for part in robot.parts.values() if any(axis.torque_control for axis in part.axes)]
     chosen = [("joints", True), ("torque", bool(torque)), ("force-torque", bool(robot.sensors.force_torque))]

@@ -25,7 +25,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from middleware_peer import cpu
 
-from icub import ICUB
 from rtf import clock
 from rtf.bottle import Bottle, as_int
 from rtf.middleware.naming.client import RemoteNames
@@ -34,6 +33,7 @@ from rtf.middleware.naming.server import NameServer
 from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.rpc import RpcServer
 from rtf.middleware.wire.contact import Contact
+from rtf.robot.model import load_robot
 from rtf.robot.model.engine import mujoco
 from rtf.simulator.robot import SimulatedRobot
 
@@ -116,7 +116,7 @@ def serve(*, lockstep: bool, cameras: bool) -> None:
     """Open everything, and wait for the end."""
     with NameServer() as names:
         net = Network(names.names)
-        with SimulatedRobot(ICUB, network=net, lockstep=lockstep, cameras=cameras) as robot:
+        with SimulatedRobot(load_robot("icub"), network=net, lockstep=lockstep, cameras=cameras) as robot:
             replay = Replay(robot.simulation)
             with RpcServer("/peer", partial(answer, robot, replay), network=net):
                 print(json.dumps({"names": names.contact.port}), flush=True)
@@ -128,7 +128,7 @@ def serve_alone() -> None:
 
     It is told in JSON: seconds of the machine's clock, and of the processor.
     """
-    with SimulatedRobot(ICUB, network=Network(LocalNames()), lockstep=True) as robot:
+    with SimulatedRobot(load_robot("icub"), network=Network(LocalNames()), lockstep=True) as robot:
         print(json.dumps({}), flush=True)
         for line in sys.stdin:
             began = _times()
