@@ -181,7 +181,13 @@ def test_robot(words: Sequence[str]) -> int:
     parse_run(rest)
     robot = load_robot(options.robot)
     torque = [part.name for part in robot.parts.values() if any(axis.torque_control for axis in part.axes)]
-    chosen = [("joints", True), ("torque", bool(torque)), ("force-torque", bool(robot.sensors.force_torque))]
+    sensors = robot.sensors
+    chosen = [
+        ("joints", True),
+        ("torque", bool(torque)),
+        ("sensors", bool(sensors.force_torque or sensors.inertial or sensors.angles)),
+        ("force-torque", bool(sensors.force_torque)),
+    ]
     folder = shipped_folder("suites") / "any"
     suites = [word for name, has in chosen if has for word in ("--suite", str(folder / f"simulated-{name}.xml"))]
     defined = {"model": str(robot.folder / FILE), "parts": " ".join(robot.parts), "torque_parts": " ".join(torque)}
