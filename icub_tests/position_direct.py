@@ -150,10 +150,11 @@ class PositionDirect(RobotTest):
         """Put all joints into direct position mode, so that a command to the whole part holds those not chosen."""
         part.set_mode(ControlMode.POSITION_DIRECT)
         self.held = part.board.encoders()
+        modes = part.board.control_modes()
         wrong = [
-            f"{name} is in {mode.word}"
-            for name, mode in zip(part.names, part.board.control_modes(), strict=True)
-            if mode is not ControlMode.POSITION_DIRECT
+            f"{part.names[joint]} is in {modes[joint].word}"
+            for joint in part.select(())  # prismatic joints are not moved
+            if modes[joint] is not ControlMode.POSITION_DIRECT
         ]
         self.assert_fail_if_true(wrong, f"not in direct position mode: {', '.join(wrong)}; {likely_causes('mode')}")
 

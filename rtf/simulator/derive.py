@@ -12,6 +12,7 @@ import numpy as np
 from rtf.robot.errors import RefusedError
 from rtf.robot.model.description import load_description, read_joints, repair, unusable_meshes
 from rtf.robot.model.engine import mujoco
+from rtf.simulator.position_gains import BANDWIDTH
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,6 +31,10 @@ _ROTOR = 0.3
 _STRENGTH, _WEAKEST = 3.0, 0.1
 #: Dry friction as a share of the torque, and viscous friction as a share of the torque at the greatest speed.
 _DRY, _VISCOUS = 0.02, 0.05
+#: The position loop overcomes a dry friction with this error (rad, m), and a viscous one of this share of its damping.
+_SLACK, _SHARE = 0.008, 0.1
+#: Friction of a description that is this many times as great is that of another simulator.
+_LOST = 5.0
 #: Limits of a joint without any (deg), and the speed up to which a robot on a bench is moved (deg/s, m/s).
 _TURN, _FAST, _FAST_SLIDE = 180.0, 180.0, 0.25
 
@@ -114,7 +119,7 @@ def _general_assumptions(description: Path, mimics: Sequence[str]) -> list[str]:
     found = [
         "motors: encoders of 4096 ticks a turn, 2.5 A nominal, 5 A peak, behind gears of 100:1, without couplings",
         f"armature: {_ROTOR:g} of the greatest inertia of the links that a joint moves",
-        f"friction: {_DRY:.0%} of the greatest torque dry, {_VISCOUS:.0%} of it viscous at the greatest speed",
+        f"friction: {_DRY:.0%} of the greatest torque dry, {_VISCOUS:.0%} of it viscous at the greatest speed, or less",
         "no outlines: the links do not collide; no sensors, no torque control, no joints that move together",
     ]
     if mimics:
@@ -147,13 +152,30 @@ def _joint(joint: JointDescription, loads: _Loads, place: int, assumed: list[str
         speed = fast
     words.append(f"max_velocity = {speed:.6g}")
     words.append(f"armature = {max(_ROTOR * float(loads.inertia[place]), joint.armature):.3g}")
-    words.append(f"friction = {joint.friction or _DRY * torque:.3g}")
-    internal = speed if joint.prismatic else math.radians(speed)
-    words.append(f"damping = {joint.damping or _VISCOUS * torque / internal:.3g}")
+    friction, damping = _friction(joint, torque, speed, float(loads.inertia[place]), assumed)
+    words.append(f"friction = {friction:.3g}")
+    words.append(f"damping = {damping:.3g}")
     if joint.prismatic:
         words.append("prismatic = true")
         words.append("gearbox = 1000.0")
     return f"{_key(joint.name)} = {{ {', '.join(words)} }}"
+
+
+def _friction(
+    joint: JointDescription, torque: float, speed: float, inertia: float, assumed: list[str]
+) -> tuple[float, float]:
+    """Return dry (Nm, N) and viscous friction: the description's, unless a position loop could not overcome it."""
+    swing = 2 * math.pi * BANDWIDTH
+    most_dry, most_viscous = _SLACK * inertia * swing**2, 2 * _SHARE * inertia * swing
+    dry = min(_DRY * torque, most_dry)
+    viscous = min(_VISCOUS * torque / (speed if joint.prismatic else math.radians(speed)), most_viscous)
+    if joint.friction > _LOST * most_dry or joint.damping > _LOST * most_viscous:
+        assumed.append(
+            f"{joint.name}: too much friction in the description for its inertia ({joint.friction:g} dry, "
+            f"{joint.damping:g} viscous); {dry:.2g} and {viscous:.2g}"
+        )
+        return dry, viscous
+    return joint.friction or dry, joint.damping or viscous
 
 
 def _loads(description: Path, names: Sequence[str]) -> _Loads:
