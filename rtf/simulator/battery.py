@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 #: Seconds between two measurements, and between two messages: with one period, each message has a new measurement.
 BATTERY_PERIOD = 0.05
-_SECONDS_AN_HOUR = 3600.0
 _SEED = 0xBA77
 
 
@@ -44,8 +43,7 @@ class SimulatedBattery(Device, IBattery):
         super().__init__("battery")
         self.settings = settings
         self.simulation = simulation
-        #: Ampere-seconds of the full battery: its energy at its mean voltage.
-        self.capacity = settings.capacity * _SECONDS_AN_HOUR / ((settings.full + settings.empty) / 2.0)
+        self.capacity = settings.ampere_seconds
         #: Faults: shares of the capacity that are left, and functions that change a reading at a time (s).
         self.weaknesses: list[float] = []
         self.faults: list[Callable[[BatteryReading, float], BatteryReading]] = []

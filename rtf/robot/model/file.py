@@ -154,6 +154,11 @@ class Battery(Table, frozen=True):
     voltage_noise: NotNegative = 0.01  # V, standard deviation
     current_noise: NotNegative = 0.01  # A, likewise
 
+    @property
+    def ampere_seconds(self) -> float:
+        """The charge of the full battery (As): its energy at its mean voltage."""
+        return self.capacity * 3600.0 / ((self.full + self.empty) / 2.0)
+
 
 class Sensors(Table, frozen=True):
     """The sensors, by their names."""
