@@ -57,6 +57,7 @@ SHIPPED: Mapping[str, str] = {
     "simulatedICub": "rtf.simulator.robot_devices:SimulationDevice",
     "simulatedBoard": "rtf.simulator.robot_devices:SimulatedBoard",
     "simulatedForceTorque": "rtf.simulator.sensor_devices:SimulatedForceTorqueDevice",
+    "simulatedBattery": "rtf.simulator.battery:SimulatedBatteryDevice",
     "simulatedImu": "rtf.simulator.sensor_devices:SimulatedImuDevice",
 }
 

@@ -15,12 +15,14 @@ import numpy as np
 
 from rtf.robot.battery import FULL, BatteryReading, status_of
 from rtf.robot.device import Device
+from rtf.robot.errors import DeviceError
 from rtf.robot.interfaces import BatteryStatus, IBattery
 from rtf.simulator.board_state import AMBIENT
 from rtf.simulator.position_gains import FULL as FULL_DUTY
+from rtf.simulator.robot_devices import simulation_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from rtf.bottle import Property
     from rtf.robot.model.file import Battery
@@ -115,3 +117,55 @@ class SimulatedBattery(Device, IBattery):
     def battery_info(self) -> str:
         one = self.settings
         return f"a simulated battery of {one.capacity:g} Wh, {one.empty:g} to {one.full:g} V"
+
+
+class SimulatedBatteryDevice(Device, IBattery):
+    """``simulatedBattery``: the battery of the simulated robot that it is attached to, as ``[sensors.battery]`` has it.
+
+    The battery is charged when the device is attached. The simulation runs in another thread: two methods may return
+    values of two measurements.
+    """
+
+    _battery: SimulatedBattery | None = None
+
+    def open(self, configuration: Property) -> None:
+        """Do nothing: ``attach`` makes the battery."""
+
+    def attach(self, devices: Mapping[str, Device]) -> None:
+        """Attach the battery to a simulated robot. Raises DeviceError if the robot does not have one."""
+        simulation = simulation_of(self, devices)
+        robot = simulation.plant.robot
+        if robot.sensors.battery is None:
+            raise DeviceError(f"{self.name}: {robot.name} has no battery; see [sensors.battery] in {robot.folder}")
+        with simulation.lock:
+            self._battery = SimulatedBattery(robot.sensors.battery, simulation)
+            simulation.publish_regularly(self._battery)
+
+    def detach(self) -> None:
+        self._battery = None
+
+    def close(self) -> None:
+        self.detach()
+
+    def voltage(self) -> float:
+        return self._attached().voltage()
+
+    def current(self) -> float:
+        return self._attached().current()
+
+    def charge(self) -> float:
+        return self._attached().charge()
+
+    def temperature(self) -> float:
+        return self._attached().temperature()
+
+    def battery_status(self) -> BatteryStatus:
+        return self._attached().battery_status()
+
+    def battery_info(self) -> str:
+        return self._attached().battery_info()
+
+    def _attached(self) -> SimulatedBattery:
+        if self._battery is None:
+            raise DeviceError(f"{self.name} is attached to no simulated robot; its action 'attach' comes first")
+        return self._battery
