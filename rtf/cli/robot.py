@@ -187,6 +187,7 @@ def test_robot(words: Sequence[str]) -> int:
         ("torque", bool(torque)),
         ("sensors", bool(sensors.force_torque or sensors.inertial or sensors.angles)),
         ("force-torque", bool(sensors.force_torque)),
+        ("battery", sensors.battery is not None),
     ]
     folder = shipped_folder("suites") / "any"
     suites = [word for name, has in chosen if has for word in ("--suite", str(folder / f"simulated-{name}.xml"))]

@@ -19,6 +19,13 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 #: The names of types that can be plug-ins; one with a slash would name any file.
 _NAME = re.compile(r"[\w.-]+")
+
+
+def _family(module: str, **classes: str) -> dict[str, str]:
+    """Return the rows of device types whose classes are in one module: the driver, the server and the client."""
+    return {kind: f"{module}:{name}" for kind, name in classes.items()}
+
+
 #: The devices of this package, as entry points have them: type -> module and class, imported on use.
 SHIPPED: Mapping[str, str] = {
     "fakeMotionControl": "rtf.robot.devices.fake_board:FakeBoard",
@@ -40,10 +47,17 @@ SHIPPED: Mapping[str, str] = {
     "frameGrabber_nws_yarp": "rtf.robot.server.frame_grabber:FrameGrabberDevice",
     "frameGrabber_nwc_yarp": "rtf.robot.client.frame_grabber:FrameGrabberClient",
     "icubCalibrator": "rtf.robot.devices.calibrator:BoardCalibrator",
+    **_family(
+        "rtf.robot.battery",
+        fakeBattery="FakeBattery",
+        battery_nws_yarp="BatteryServerDevice",
+        battery_nwc_yarp="BatteryClient",
+    ),
     "simulatedRobot": "rtf.simulator.robot_devices:SimulationDevice",
     "simulatedICub": "rtf.simulator.robot_devices:SimulationDevice",
     "simulatedBoard": "rtf.simulator.robot_devices:SimulatedBoard",
     "simulatedForceTorque": "rtf.simulator.sensor_devices:SimulatedForceTorqueDevice",
+    "simulatedBattery": "rtf.simulator.battery:SimulatedBatteryDevice",
     "simulatedImu": "rtf.simulator.sensor_devices:SimulatedImuDevice",
 }
 

@@ -56,10 +56,18 @@ def positive(configuration: Property, key: str, default: float | None = None) ->
     value = configuration.get(key, default)
     if value is None:
         raise wrong(configuration, key, "it is missing; it is a number above 0")
-    number = as_float(value)
-    if not isinstance(value, int | float) or not 0 < number < math.inf:
+    found = as_float(value)
+    if not isinstance(value, int | float) or not 0 < found < math.inf:
         raise wrong(configuration, key, f"{to_string(value)} is not a number above 0")
-    return number
+    return found
+
+
+def number(configuration: Property, key: str, default: float) -> float:
+    """Return a finite number."""
+    value = configuration.get(key, default)
+    if not isinstance(value, int | float) or not math.isfinite(value):
+        raise wrong(configuration, key, f"{to_string(value)} is not a number")
+    return float(value)
 
 
 def count(configuration: Property, key: str, default: int, most: int) -> int:

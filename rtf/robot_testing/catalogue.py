@@ -1,4 +1,4 @@
-"""Catalogue of the shipped robot tests, grouped by the suites of ``suites/icub``.
+"""Catalogue of the shipped robot tests, grouped by the suites of ``suites/icub``, or of ``suites/any``.
 
 It writes the table of the documentation page on robot tests from the declarations of the tests::
 
@@ -41,7 +41,9 @@ class Entry:
 def entries() -> list[Entry]:
     """Return all tests, sorted by the names of their suites and by their places there. Loads every test."""
     folder = shipped_folder("test")
-    places = _places(shipped_folder("suites") / "icub")
+    suites = shipped_folder("suites")
+    places = _places(suites / "icub")
+    places |= {name: suite for name, suite in _places(suites / "any").items() if name not in places}
     found: dict[str, Entry] = {}
     for path in sorted(folder.glob("*.py")):
         for name, class_name in declared_names(path).items():

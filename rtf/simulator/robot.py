@@ -5,11 +5,13 @@ from __future__ import annotations
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, Self
 
+from rtf.robot.battery import BatteryServer
 from rtf.robot.server.analog import AnalogServer
 from rtf.robot.server.analog_sensors import AnalogSensorsServer
 from rtf.robot.server.board_server import serve_board
 from rtf.robot.server.inertial import InertialServer
 from rtf.simulator.angle_sensors import SimulatedAngles
+from rtf.simulator.battery import BATTERY_PERIOD, SimulatedBattery
 from rtf.simulator.kinematic_part import KinematicPart
 from rtf.simulator.part import SimulatedPart
 from rtf.simulator.plant import Options, build
@@ -41,6 +43,7 @@ class SimulatedRobot:
     ``/NAME/PORT/analog:o``        each force-torque sensor, six numbers, and each group of sensors of joint angles
     ``/NAME/FTs/measures:o``       all force-torque sensors in one message, and ``rpc:o``
     ``/NAME/PORT``                 each inertial unit, twelve numbers; ``/NAME/PORT/measures:o`` and ``rpc:o``
+    ``/NAME/PORT/data:o`` …        the battery, and ``rpc:i``
     ``/NAME/PORT``                 each camera, with ``cameras``
     ``/clock``                     the time: published, and served in lockstep
     ============================== ================================================================================
@@ -84,6 +87,8 @@ class SimulatedRobot:
             for name, settings in model.sensors.angles.items()
         }
         self.imus = {sensor.port: SimulatedImu(sensor, self.simulation) for sensor in plant.imus}
+        battery = model.sensors.battery
+        self.battery = None if battery is None else SimulatedBattery(battery, self.simulation)
         self._state_period, self._camera_period = 1 / state_rate, 1 / camera_rate
         self.cameras: dict[str, SimulatedCamera] = {}
         with ExitStack() as opened:
@@ -109,6 +114,9 @@ class SimulatedRobot:
         for place, imu in self.imus.items():
             self._serve(opened, InertialServer, imu, place, SENSOR_PERIOD)
             self._serve(opened, AnalogSensorsServer, imu, place, SENSOR_PERIOD)
+        if self.battery is not None:
+            self.simulation.publish_regularly(self.battery)
+            self._serve(opened, BatteryServer, self.battery, self.battery.settings.port, BATTERY_PERIOD)
         if cameras:
             self._open_cameras(opened)
         self.clock = serve_time(self.simulation, clock, network=self.network, lockstep=lockstep)

@@ -20,7 +20,7 @@ from rtf.middleware.ports.rpc import RpcClient, RpcServer
 from rtf.middleware.types import VECTOR, Stamp
 from rtf.robot.client.analog import AnalogClient
 from rtf.robot.client.inertial import InertialClient
-from rtf.robot.devices.fake_sensors import FakeAnalogSensor, FakeBattery, FakeImu
+from rtf.robot.devices.fake_sensors import FakeAnalogSensor, FakeImu
 from rtf.robot.errors import ConfigurationError, DeviceError, NoAnswerError, RefusedError, RobotError, StaleStateError
 from rtf.robot.interfaces import SensorCategory, SensorReading, SensorStatus
 from rtf.robot.server.analog import AnalogDevice, AnalogServer, PortChannels
@@ -269,14 +269,3 @@ def test_what_the_fake_imu_shows(time: ManualClock):
     constant = FakeImu("imu")
     constant.open(Property({"constantValue": 1}))
     assert constant.read_sensor(SensorCategory.GYROSCOPE, 0).values.tolist() == [0.0] * 3
-
-
-def test_the_fake_battery_runs_down(time: ManualClock):
-    """From full to empty in an hour."""
-    battery = FakeBattery("battery")
-    battery.open(Property())
-    time.time = 3600.0
-    assert battery.charge() == 100.0
-    time.time += 900.0
-    assert battery.charge() == 75.0
-    assert (battery.voltage(), battery.current(), battery.temperature()) == (40.0, 2.0, 25.0)

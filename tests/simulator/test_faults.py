@@ -22,6 +22,7 @@ from icub import ICUB, INDEX, build_icub
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import SensorCategory
+from rtf.robot.model.file import Battery
 from rtf.simulator.faults import KINDS, FaultInjector, Layer, Target, catalogue, find_kind
 from rtf.simulator.faults.injection import MOST_FAULTS
 from rtf.simulator.simulated_outlets import SimulatedOutlet
@@ -36,6 +37,8 @@ pytestmark = pytest.mark.skipif(
     not (find_spec("mujoco") and find_spec("icub_models")), reason="needs pip install 'rtf[sim]'"
 )
 
+#: For the robot of these tests, which has none.
+BATTERY = Battery(capacity=200.0, full=42.0, empty=30.0, max_current=30.0, idle_power=50.0)
 PORT = "/icubSim/left_arm/state:o"
 JOINT = "l_elbow"
 ELBOW = INDEX[JOINT]
@@ -71,6 +74,7 @@ class Bench:
     """All of a simulated robot that faults strike, without ports; at 0.2 s everything has settled."""
 
     def __init__(self, seed: int = 0, age: float = 0.2) -> None:
+        from rtf.simulator.battery import SimulatedBattery
         from rtf.simulator.part import SimulatedPart
         from rtf.simulator.simulated_sensors import SimulatedForceTorque, SimulatedImu
         from rtf.simulator.simulation import Simulation
@@ -82,6 +86,8 @@ class Bench:
         self.force_torques = {"left_arm": SimulatedForceTorque(own.ft_sensors[0], self.simulation)}
         self.model = ICUB
         self.imus = {"inertial": SimulatedImu(own.imus[0], self.simulation)}
+        self.battery = SimulatedBattery(BATTERY, self.simulation)
+        self.simulation.publish_regularly(self.battery)
         self.cameras = {"left": SimpleNamespace(faults=[])}
         self.port = Outlet(self)
         self.outlet = SimulatedOutlet(self.port, self.simulation)  # type: ignore[arg-type]  # it writes, as that does
@@ -146,6 +152,7 @@ TARGETS = {
     Target.CAMERA: "left",
     Target.PORT: PORT,
     Target.ROBOT: "",
+    Target.BATTERY: "battery",
 }
 
 
@@ -180,6 +187,7 @@ def health(bench: Bench) -> dict[str, object]:
     found["pushed"] = bench.simulation.data.qfrc_applied.tobytes()
     found["limits"] = (boards.trajectories.minimum.tobytes(), boards.trajectories.maximum.tobytes())
     found["told"] = [list(bench.imus["inertial"].faults), list(bench.force_torques["left_arm"].faults)]
+    found["drained"] = [list(bench.battery.weaknesses), list(bench.battery.faults)]
     found["seen"], found["sent"] = list(bench.cameras["left"].faults), list(bench.outlet.disturbances)
     return found
 
@@ -196,6 +204,7 @@ def state(bench: Bench) -> dict[str, object]:
         **numbers_of(bench.boards, vars(bench.boards).keys() - _NOT_STATE),
         "gathered": bench.boards.controllers._base.tobytes(),
         "references": numbers_of(bench.boards.trajectories, vars(bench.boards.trajectories)),
+        "battery": (bench.battery.left, bench.battery.reading),
         "random": str(bench.simulation.random.bit_generator.state),
     }
 
@@ -540,6 +549,23 @@ def camera_is_small(bench: Bench) -> None:
     assert [picture.shape for picture in bench.pictures()] == [(12, 16, 3)] * 2
 
 
+def battery_is_weak(bench: Bench) -> None:
+    """Its charge falls twice as fast as its current explains."""
+    left, current = bench.battery.left, bench.battery.reading.current
+    bench.run(1.0)
+    expected = current / bench.battery.capacity
+    assert left - bench.battery.left == pytest.approx(2.0 * expected, rel=0.1)
+
+
+def battery_freezes(bench: Bench) -> None:
+    """The same reading for ever, while it is discharged."""
+    bench.run(0.05)
+    reading, left = bench.battery.reading, bench.battery.left
+    bench.run(0.1)
+    assert bench.battery.reading is reading
+    assert bench.battery.left < left
+
+
 def is_late(bench: Bench) -> None:
     """Each comes 0.05 s after it was written, in order."""
     came = bench.publish(20)
@@ -616,6 +642,8 @@ SHOWS: dict[str, Callable[[Bench], None]] = {
     "camera_frozen": camera_freezes,
     "camera_black": camera_is_black,
     "camera_size": camera_is_small,
+    "battery_weak": battery_is_weak,
+    "battery_frozen": battery_freezes,
     "latency": is_late,
     "jitter": comes_irregularly,
     "loss": gets_lost,

@@ -17,7 +17,6 @@ from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import (
     FloatArray,
     IAnalogSensor,
-    IBattery,
     IMultipleAnalogSensors,
     SensorCategory,
     SensorInfo,
@@ -111,26 +110,3 @@ class FakeAnalogSensor(Device, IAnalogSensor):
             self._offsets[channel] = offsets[channel]
         else:
             raise RefusedError(f"{self.name} has {self._offsets.size} channels, counted from 0, and no {channel}")
-
-
-class FakeBattery(Device, IBattery):
-    """A battery of 40 V with a current of 2 A, which discharges from full to empty every hour."""
-
-    def open(self, configuration: Property) -> None:
-        """See Device; there is nothing to say about it."""
-
-    def close(self) -> None:
-        """Do nothing: there are no resources."""
-
-    def voltage(self) -> float:
-        return 40.0
-
-    def current(self) -> float:
-        return 2.0
-
-    def charge(self) -> float:
-        hour = 3600.0
-        return 100.0 * (1.0 - clock.current().now() % hour / hour)
-
-    def temperature(self) -> float:
-        return 25.0

@@ -25,6 +25,7 @@ from rtf.robot.interfaces.motion import (
 from rtf.robot.interfaces.motors import IAmplifierControl, IEncoders, IMotor, IMotorEncoders
 from rtf.robot.interfaces.pids import IPidControl, Pid, PidType
 from rtf.robot.interfaces.sensors import (
+    BatteryStatus,
     CameraFeature,
     IAnalogSensor,
     IBattery,
@@ -40,6 +41,7 @@ from rtf.robot.interfaces.variables import IRemoteVariables
 
 __all__ = [
     "AxisSelection",
+    "BatteryStatus",
     "CalibrationParameters",
     "CameraFeature",
     "FloatArray",

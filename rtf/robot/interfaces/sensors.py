@@ -172,21 +172,41 @@ class IFrameGrabberControls(ABC):
         """Let the camera control a feature automatically, or not."""
 
 
+class BatteryStatus(IntEnum):
+    """The status of a battery, in the numbers of the messages."""
+
+    STANDBY = 0
+    CHARGING = 1
+    IN_USE = 2
+    ERROR = 3
+    TIMEOUT = 4
+    LOW = 5
+    CRITICAL = 6
+
+
 class IBattery(ABC):
-    """The battery: V, A, per cent of charge, °C."""
+    """A battery."""
 
     @abstractmethod
     def voltage(self) -> float:
-        """Return the voltage."""
+        """Return the voltage at its terminals in V."""
 
     @abstractmethod
     def current(self) -> float:
-        """Return the current."""
+        """Return the current in A: positive while the battery is discharged, negative while it is charged."""
 
     @abstractmethod
     def charge(self) -> float:
-        """Return the charge."""
+        """Return the charge in per cent, from 0, empty, to 100, full."""
 
     @abstractmethod
     def temperature(self) -> float:
-        """Return the temperature."""
+        """Return the temperature in °C."""
+
+    @abstractmethod
+    def battery_status(self) -> BatteryStatus:
+        """Return the status."""
+
+    @abstractmethod
+    def battery_info(self) -> str:
+        """Return a description of the hardware, for people."""

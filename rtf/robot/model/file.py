@@ -139,6 +139,27 @@ class AngleSensors(Table, frozen=True):
     noise: NotNegative = 0.0  # counts, standard deviation
 
 
+class Battery(Table, frozen=True):
+    """The battery that supplies the motors and the electronics."""
+
+    capacity: Positive  # Wh
+    full: Positive  # V, without load
+    empty: Positive  # V, likewise
+    max_current: Positive  # A
+    port: Text = "battery"  # /ROBOT/PORT/data:o
+    resistance: Positive = 0.1  # Ohm, of the cells and the cables
+    idle_power: NotNegative = 0.0  # W, of the electronics
+    charge: Annotated[float, Meta(ge=0.0, le=100.0)] = 100.0  # per cent, at the start of a simulation
+    charge_step: Positive = 1.0  # per cent, in which the charge is shown
+    voltage_noise: NotNegative = 0.01  # V, standard deviation
+    current_noise: NotNegative = 0.01  # A, likewise
+
+    @property
+    def ampere_seconds(self) -> float:
+        """The charge of the full battery (As): its energy at its mean voltage."""
+        return self.capacity * 3600.0 / ((self.full + self.empty) / 2.0)
+
+
 class Sensors(Table, frozen=True):
     """The sensors, by their names."""
 
@@ -146,6 +167,7 @@ class Sensors(Table, frozen=True):
     inertial: dict[str, Inertial] = {}
     cameras: dict[str, CameraTable] = {}
     angles: dict[str, AngleSensors] = {}
+    battery: Battery | None = None
 
 
 class Cut(Table, frozen=True):

@@ -293,6 +293,13 @@ class _Reading:
             for axis, _ in angles.channels:
                 if axis not in joints:
                     self._fail(["sensors", "angles", name], f"{name}: there is no joint {axis!r}")
+        battery = sensors.battery
+        if battery is not None and not battery.empty < battery.full:
+            self._fail(
+                ["sensors", "battery", "empty"],
+                f"the voltage of an empty battery, {battery.empty:g} V, is less than that of a full one, "
+                f"{battery.full:g} V",
+            )
 
     def _check_outlines(self) -> None:
         for number, shape in enumerate(self._file.body.outlines):

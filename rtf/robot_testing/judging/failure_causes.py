@@ -46,6 +46,16 @@ _CAUSES: dict[str, tuple[str, ...]] = {
     "orientation": ("an IMU mounted in another orientation", "a wrong frame in the model"),
     "mode": ("firmware that breaks the rules of the control modes",),
     "sensor frozen": ("a loose cable of the sensor", "a sensor that has stopped", "a driver that repeats a value"),
+    "battery voltage": (
+        "wrong voltages in robot.toml",
+        "a discharged or overcharged battery",
+        "a wrong calibration of its gauge",
+    ),
+    "battery charge": (
+        "old or dead cells, with less capacity than robot.toml says",
+        "a wrong calibration of the gauge's current",
+        "a wrong capacity in robot.toml",
+    ),
     "model": ("a description of another version of the robot", "a joint or an offset that was changed in one of them"),
     "overshoot": ("badly tuned gains", "a weak motor", "a delay in the control loop"),
     "irregular": ("stick-slip", "a loose transmission", "lost commands"),

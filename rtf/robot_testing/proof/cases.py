@@ -6,12 +6,13 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
-from rtf.robot.model import default_robot
+from rtf.robot_testing.proof.claims import robot_of
 from rtf.simulator.faults import KINDS, Layer, Target, find_kind
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from rtf.robot.model import RobotModel
     from rtf.robot_testing.proof.claims import Claim, Claims, Reason
 
 #: Faults of these layers end the simulator, which the other cases share; the tests of the fixture cover them.
@@ -44,6 +45,7 @@ class Case:
     timeout: float = 300.0
     delay: float = 0.0
     duration: float | None = None
+    robot: str = ""
 
     @property
     def name(self) -> str:
@@ -77,7 +79,9 @@ class Case:
 def cases_of(claims: Claims, *, fast: bool = False) -> Iterator[Case]:
     """Yield the cases of a test: the healthy robot, and each severity of each claim. ``fast``: marked claims only."""
     parameters = claims.parameters | (claims.fast_parameters if fast else {})
-    yield Case(claims.test, Expectation.HEALTHY, parameters=parameters, fast=True, timeout=claims.timeout)
+    yield Case(
+        claims.test, Expectation.HEALTHY, parameters=parameters, fast=True, timeout=claims.timeout, robot=claims.robot
+    )
     for claim in claims.claims:
         if find_kind(claim.fault).layer in _NOT_IN_SUITES or (fast and not claim.fast):
             continue
@@ -88,45 +92,67 @@ def cases_of(claims: Claims, *, fast: bool = False) -> Iterator[Case]:
 def others_of(claims: Claims, reasons: Sequence[Reason]) -> Iterator[Case]:
     """Yield the cases of a test with each fault that no claim covers, at default severity, in the tested part."""
     claimed = {claim.fault for claim in claims.claims}
-    parameters = {**({"part": default_robot().axis(_AXIS).part} if claims.of_a_part else {}), **claims.parameters}
-    for name in provable_kinds():
+    robot = robot_of(claims.robot)
+    part = robot.axis(_targets(robot)[Target.AXIS]).part
+    parameters = {**({"part": part} if claims.of_a_part else {}), **claims.parameters}
+    for name in provable_kinds(robot):
         if name not in claimed:
             reason = next((one.text for one in reasons if one.holds_for(claims.test, name)), "")
             yield Case(
                 claims.test,
                 Expectation.OTHER,
                 name,
-                _target(name, str(parameters.get("part", ""))),
+                _target(robot, name, str(parameters.get("part", ""))),
                 parameters=parameters,
                 reason=reason,
                 timeout=claims.timeout,
+                robot=claims.robot,
             )
 
 
-def provable_kinds() -> list[str]:
-    """Return the kinds of faults that a test can find: the robot keeps running, and something is broken."""
-    return [name for name, kind in KINDS.items() if kind.layer not in _NOT_IN_SUITES and not kind.stimulus]
+def provable_kinds(robot: RobotModel | None = None) -> list[str]:
+    """Return the kinds of faults that a test can find: the robot keeps running, and something is broken.
+
+    With ``robot`` these are the faults of what this robot has.
+    """
+    targets = [*Target] if robot is None else _targets(robot)
+    return [
+        name
+        for name, kind in KINDS.items()
+        if kind.layer not in _NOT_IN_SUITES and not kind.stimulus and kind.target_kind in targets
+    ]
 
 
-def _target(fault: str, part: str) -> str:
+def _target(robot: RobotModel, fault: str, part: str) -> str:
     """Return the default target of a fault: that of its kind, or the first joint of another part."""
-    kind = KINDS[fault].target_kind
-    robot = default_robot()
-    if kind is Target.AXIS and part in robot.parts and part != robot.axis(_AXIS).part:
+    kind, targets = KINDS[fault].target_kind, _targets(robot)
+    if kind is Target.AXIS and part in robot.parts and part != robot.axis(targets[kind]).part:
         return robot.parts[part].axes[0].name
-    return _TARGETS[kind]
+    return targets[kind]
 
 
-#: The default targets.
+#: The joint that is broken by default, if the robot has it.
 _AXIS = "l_elbow"
-_TARGETS = {
-    Target.AXIS: _AXIS,
-    Target.FORCE_TORQUE: "left_arm",
-    Target.IMU: "imu",
-    Target.CAMERA: "left",
-    Target.PORT: "/icubSim/left_arm/stateExt:o",
-    Target.ROBOT: "",
-}
+
+
+def _targets(robot: RobotModel) -> dict[Target, str]:
+    """Return the default target of each type that a robot has."""
+    sensors = robot.sensors
+    axis = _AXIS if _AXIS in robot.index else robot.axes[0].name
+    targets = {
+        Target.AXIS: axis,
+        Target.PORT: f"/{robot.simulated_name}/{robot.axis(axis).part}/stateExt:o",
+        Target.ROBOT: "",
+    }
+    if sensors.force_torque:
+        targets[Target.FORCE_TORQUE] = next(iter(sensors.force_torque.values())).port
+    if sensors.inertial:
+        targets[Target.IMU] = next(iter(sensors.inertial))
+    if sensors.cameras:
+        targets[Target.CAMERA] = next(iter(sensors.cameras))
+    if sensors.battery is not None:
+        targets[Target.BATTERY] = "battery"
+    return targets
 
 
 def _case(claims: Claims, claim: Claim, values: dict[str, float]) -> Case:
@@ -144,4 +170,5 @@ def _case(claims: Claims, claim: Claim, values: dict[str, float]) -> Case:
         claims.timeout,
         claim.delay,
         claim.duration,
+        claims.robot,
     )

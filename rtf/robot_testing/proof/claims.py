@@ -2,6 +2,7 @@
 
 ::
 
+    robot = "bench"                       # the robot of all cases; default: icub
     parameters = { part = "left_arm" }    # of the test in all cases, besides those of a case
     fast_parameters = { joints = [1, 3] } # for the healthy robot in the fast subset
 
@@ -33,7 +34,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from rtf.robot.errors import RobotError
-from rtf.robot.model import default_robot
+from rtf.robot.model import default_robot, load_robot
 from rtf.simulator.faults import find_kind
 from rtf.testing import Parameter
 from rtf.testing.plugins import PluginError, find, load_test
@@ -41,8 +42,10 @@ from rtf.testing.plugins import PluginError, find, load_test
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from rtf.robot.model import RobotModel
+
 _KINDS = ("finds", "silent", "expected")
-_TOP = {"parameters", "fast_parameters", "timeout", *_KINDS}
+_TOP = {"robot", "parameters", "fast_parameters", "timeout", *_KINDS}
 _ENTRY = {"fault", "target", "values", "names", "parameters", "reason", "fast", "delay", "duration"}
 
 
@@ -77,6 +80,7 @@ class Claims:
     timeout: float = 300.0
     of_a_part: bool = False  # whether the test has the parameter ``part``
     fast_parameters: dict[str, Any] = field(default_factory=dict)
+    robot: str = ""  # the name of the robot of all cases; none: the default robot
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,11 +121,12 @@ def read_claims(path: Path) -> Claims:
         raise ClaimsError(f"{path}: there is no test {path.stem}.py for these claims: {error}") from None
     claims = [_claim(path, kind, entry) for kind in _KINDS for entry in data.get(kind, [])]
     of_a_part = isinstance(getattr(type(test), "part", None), Parameter)
+    robot = str(data.get("robot", ""))
     if of_a_part:
-        claims = [_with_part(claim) for claim in claims]
+        claims = [_with_part(claim, robot) for claim in claims]
     parameters, fast = (dict(data.get(key, {})) for key in ("parameters", "fast_parameters"))
     timeout = float(data.get("timeout", 300.0))
-    return Claims(type(test).__name__, path, parameters, tuple(claims), timeout, of_a_part, fast)
+    return Claims(type(test).__name__, path, parameters, tuple(claims), timeout, of_a_part, fast, robot)
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -131,9 +136,14 @@ def _read(path: Path) -> dict[str, Any]:
         raise ClaimsError(f"{path}: {error}") from None
 
 
-def _with_part(claim: Claim) -> Claim:
+def robot_of(name: str) -> RobotModel:
+    """Return the robot of this name; none: the default robot. Raises RobotModelError."""
+    return load_robot(name) if name else default_robot()
+
+
+def _with_part(claim: Claim, robot_name: str) -> Claim:
     """Return the claim with the part of the faulty joint as the part under test, unless the claim names one."""
-    robot = default_robot()
+    robot = robot_of(robot_name)
     if "part" in claim.parameters or claim.target not in robot.index:
         return claim
     return replace(claim, parameters={"part": robot.axis(claim.target).part, **claim.parameters})

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
 
-from rtf.robot.model import default_robot
 from rtf.robot_testing.proof.cases import Expectation
+from rtf.robot_testing.proof.claims import robot_of
 from rtf.testing.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -85,12 +85,12 @@ def _found(case: Case, verdict: Verdict, problems: Sequence[Message]) -> Judgeme
         return Judgement.MISSED
     if verdict is not Verdict.FAILED:
         return Judgement.NOT_TESTED
-    return Judgement.FOUND if any(_names(problem, case.names) for problem in problems) else Judgement.UNNAMED
+    return Judgement.FOUND if any(_names(problem, case) for problem in problems) else Judgement.UNNAMED
 
 
-def _names(problem: Message, name: str) -> bool:
+def _names(problem: Message, case: Case) -> bool:
     """Return whether a failure names the faulty component. A failure of a joint's sub-result is of that joint only."""
-    known = default_robot().index.keys()
+    name, known = case.names, robot_of(case.robot).index.keys()
     joints = known & set(re.split(r"[ /]", problem.subject))
     if joints and name in known:
         return name in joints

@@ -26,7 +26,7 @@ _CASES = 6
 _FILES = "proof-*.xml"
 _HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 <!-- Made by `rtf proof`. -->
-<suite name="proof-{number}">
+<suite name="proof-{number}">{environment}
     <fixture name="names-{number}" param="--namespace /proof-{number}"> yarpserver </fixture>
     <fixture name="robot-{number}" depends="names-{number}" param="--clock /proof-{number}/clock">
         <parameter name="cameras">{cameras}</parameter>
@@ -44,9 +44,12 @@ def write_suites(cases: Sequence[Case], folder: Path) -> tuple[list[Path], dict[
         file.unlink()
     files: list[Path] = []
     by_test: dict[str, Case] = {}
-    for number, first in enumerate(range(0, len(cases), _CASES)):
+    robots = dict.fromkeys(case.robot for case in cases)
+    of_robots = [[case for case in cases if case.robot == robot] for robot in robots]
+    shares = [group[first : first + _CASES] for group in of_robots for first in range(0, len(group), _CASES)]
+    for number, share in enumerate(shares):
         files.append(folder / f"proof-{number}.xml")
-        files[-1].write_text(_suite(number, cases[first : first + _CASES], by_test), encoding="utf-8")
+        files[-1].write_text(_suite(number, share, by_test), encoding="utf-8")
     return files, by_test
 
 
@@ -68,7 +71,9 @@ def read_suites(folder: Path, cases: Iterable[Case]) -> dict[str, Case]:
 
 def _suite(number: int, cases: Sequence[Case], by_test: dict[str, Case]) -> str:
     cameras = "auto" if any(case.needs_cameras for case in cases) else "no"
-    parts = [_HEAD.format(number=number, cameras=cameras)]
+    robot = cases[0].robot
+    environment = f"\n    <environment>--robotmodel {escape(robot)}</environment>" if robot else ""
+    parts = [_HEAD.format(number=number, cameras=cameras, environment=environment)]
     for place, case in enumerate(cases):
         test = f"case-{place}"
         by_test[f"proof-{number}/{test}"] = case

@@ -38,6 +38,7 @@ class Target(Enum):
     FORCE_TORQUE = "a force-torque sensor, such as left_arm"
     IMU = "the inertial unit: imu"
     CAMERA = "a camera: left or right"
+    BATTERY = "the battery: battery"
     PORT = "a port that publishes, such as /icubSim/head/state:o"
     ROBOT = "the robot: no name"
 

@@ -1,4 +1,4 @@
-"""Faults of force-torque sensors, of the inertial unit and of the cameras."""
+"""Faults of force-torque sensors, of the inertial unit, of the cameras and of the battery."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from rtf.simulator.faults.base import Fault, Layer, Parameter, Target
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from rtf.robot.battery import BatteryReading
     from rtf.robot.interfaces import FloatArray
+    from rtf.simulator.battery import SimulatedBattery
     from rtf.simulator.simulated_cameras import SimulatedCamera
     from rtf.simulator.simulated_sensors import SimulatedForceTorque, SimulatedImu
 
@@ -204,6 +206,58 @@ class CameraSize(_CameraFault):
         return np.ascontiguousarray(pixels[::2, ::2])
 
 
+class _BatteryFault(Fault):
+    layer = Layer.SENSOR
+    target_kind = Target.BATTERY
+    battery: SimulatedBattery
+
+    def aim(self) -> None:
+        battery = self.robot.battery
+        if battery is None or self.target not in ("", "battery"):
+            there = "no battery" if battery is None else f"no battery {self.target!r}; its name is battery"
+            raise RefusedError(f"{self.kind}: the robot has {there}")
+        self.battery = battery
+
+
+class BatteryWeak(_BatteryFault):
+    """Lost capacity of the battery."""
+
+    kind = "battery_weak"
+    description = "The battery has lost capacity: its cells are old, or one of them is dead."
+    symptom = "The charge falls faster than the current explains."
+    parameters = (Parameter("share", 0.5, "", "share of the capacity that is left", 0.01, 1.0),)
+    share: float
+
+    def begin(self) -> None:
+        self.battery.weaknesses.append(self.share)
+
+    def end(self) -> None:
+        self.battery.weaknesses.remove(self.share)
+
+
+class BatteryFrozen(_BatteryFault):
+    """Constant readings of the battery."""
+
+    kind = "battery_frozen"
+    description = "The battery's gauge repeats its last measurement."
+    symptom = "The readings have no noise, and the charge does not fall."
+    _held: BatteryReading | None = None
+
+    def begin(self) -> None:
+        self._held = None
+        self.battery.faults.append(self.show)
+
+    def end(self) -> None:
+        self.battery.faults.remove(self.show)
+
+    def show(self, reading: BatteryReading, now: float) -> BatteryReading:
+        """Return the first reading of the fault."""
+        del now
+        if self._held is None:
+            self._held = reading
+        return self._held
+
+
 def _rotation(roll: float, pitch: float, yaw: float) -> FloatArray:
     cr, sr, cp, sp, cy, sy = (f(a) for a in (roll, pitch, yaw) for f in (math.cos, math.sin))
     return np.array(
@@ -229,4 +283,6 @@ KINDS = (
     CameraFrozen,
     CameraBlack,
     CameraSize,
+    BatteryWeak,
+    BatteryFrozen,
 )

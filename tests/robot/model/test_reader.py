@@ -95,6 +95,8 @@ def test_the_description_says_what_the_file_does_not(folder: Path):
         (HEAD + JOINTS + "[sensors.angles.hand]\nport='h'\nopen=1\nbent=2\nchannels=[['toe', 1.0]]\n", 13, "'toe'"),
         (HEAD + JOINTS + "[body]\noutlines = [{ link = 'fore', radius = 0.1 }]\n", 14, "start, end and radius"),
         (HEAD + JOINTS + "[sensors.force_torque]\nf = { link = 'fore', port = 'p', parts = ['leg'] }\n", 14, "'leg'"),
+        (HEAD + JOINTS + "[sensors.battery]\ncapacity = 9\nfull = 30\nempty = 42\nmax_current = 9\n", 16, "less than"),
+        (HEAD + JOINTS + "[sensors.battery]\ncapacity = 9\nfull = 42\nempty = 30\n", 13, "max_current"),
         (HEAD + "[parts.'an arm'.joints]\nshoulder = {}\n", 10, "parts"),
     ],
 )
