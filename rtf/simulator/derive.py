@@ -29,6 +29,8 @@ _POSES = 200
 _ROTOR = 0.3
 #: Without an effort in the description: this many times the greatest torque of gravity, and at least this (Nm, N).
 _STRENGTH, _WEAKEST = 3.0, 0.1
+#: The acceleration (rad/s2, m/s2) that a drive gives its rotor at most: with more, a per cent of duty cycle is a blow.
+_WILD = 5000.0
 #: Dry friction as a share of the torque, and viscous friction as a share of the torque at the greatest speed.
 _DRY, _VISCOUS = 0.02, 0.05
 #: The position loop overcomes a dry friction with this error (rad, m), and a viscous one of this share of its damping.
@@ -145,6 +147,11 @@ def _joint(joint: JointDescription, loads: _Loads, place: int, assumed: list[str
         reason = f"less than gravity needs ({need:.3g})" if joint.effort else "none"
         assumed.append(f"{joint.name}: its effort in the description is {joint.effort or 0:g}, {reason}; {torque:g}")
         words.append(f"max_torque = {torque}")
+    most = max(_STRENGTH * need, _WILD * _ROTOR * float(loads.inertia[place]))
+    if torque > 2 * most:
+        assumed.append(f"{joint.name}: {most:.3g} in place of its effort of {torque:g}, for the inertia of its links")
+        torque = float(f"{most:.3g}")
+        words.append(f"max_torque = {torque}")
     fast = _FAST_SLIDE if joint.prismatic else _FAST
     speed = joint.max_velocity or fast / 2
     if speed > fast:
@@ -152,7 +159,7 @@ def _joint(joint: JointDescription, loads: _Loads, place: int, assumed: list[str
         speed = fast
     words.append(f"max_velocity = {speed:.6g}")
     words.append(f"armature = {max(_ROTOR * float(loads.inertia[place]), joint.armature):.3g}")
-    friction, damping = _friction(joint, torque, speed, float(loads.inertia[place]), assumed)
+    friction, damping = _friction(joint, torque, speed, _ROTOR * float(loads.inertia[place]), assumed)
     words.append(f"friction = {friction:.3g}")
     words.append(f"damping = {damping:.3g}")
     if joint.prismatic:
