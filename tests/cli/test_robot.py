@@ -137,7 +137,7 @@ def test_missing_meshes_are_drawn_as_capsules(tmp_path: Path):
 @pytest.mark.torture
 def test_the_suites_for_any_robot_on_the_bench(tmp_path: Path):
     """A share of them; docs/your-own-robot.md has the signs, with a reversed encoder, too."""
-    healthy = robot(tmp_path, "test", "bench", "-k", "modes or step or rates")
+    healthy = robot(tmp_path, "test", "bench", "-k", "modes or rates")
     assert healthy.returncode == 0, healthy.stdout
     assert "2 joints in 1 parts, thresholds chosen" in healthy.stdout
     assert "not tested: force-torque" in healthy.stdout
