@@ -45,11 +45,7 @@ class ModelsConsistency(TestCase):
         try:
             robot = robot_model(self)
             self.first = read_description(robot, self.model)
-            self.second = (
-                read_description(robot_model(self), self.other)
-                if self.other
-                else SimulatedKinematics(robot_model(self))
-            )
+            self.second = read_description(robot, self.other) if self.other else SimulatedKinematics(robot)
         except RtfError as error:
             self.assert_error(f"cannot read a model: {error}")
         for link in self.links:

@@ -60,6 +60,7 @@ def list_robots(words: Sequence[str]) -> int:
 def check_robot(words: Sequence[str]) -> int:
     """Read a robot, build it, and say what is wrong or assumed; 1 if a robot like this could not be tested."""
     from rtf.robot.model import load_robot
+    from rtf.simulator.contacts import touching
     from rtf.simulator.plant import Options, build
 
     parser = Parser(prog="rtf robot check", description="Look at a robot: its joints, its drives, what was assumed.")
@@ -68,8 +69,10 @@ def check_robot(words: Sequence[str]) -> int:
     options = parser.parse_args(words)
     robot = load_robot(options.robot)
     plant = build(robot, Options(cameras=options.picture is not None))
-    _print_joints(robot, plant)
-    problems = _problems(robot, plant)
+    data = plant.data()
+    gravity = plant.axis_torques(data.qfrc_bias).tolist()
+    _print_joints(robot, gravity)
+    problems = _problems(robot, touching(plant.model, data), gravity)
     for sentence in robot.assumed:
         print(f"assumed: {sentence}")
     for problem in problems:
@@ -82,13 +85,12 @@ def check_robot(words: Sequence[str]) -> int:
     return int(ExitCode.FAILURES if problems else ExitCode.PASSED)
 
 
-def _print_joints(robot: RobotModel, plant: Plant) -> None:
+def _print_joints(robot: RobotModel, gravity: Sequence[float]) -> None:
     from rich.console import Console
     from rich.table import Table
 
     table = Table("part", "joint", "limits", "home", "speed", "torque", "gravity", "gear", title=robot.title)
-    gravity = plant.axis_torques(plant.data().qfrc_bias)
-    for axis, load in zip(robot.axes, gravity.tolist(), strict=True):
+    for axis, load in zip(robot.axes, gravity, strict=True):
         unit, force = axis.unit, "N" if axis.prismatic else "Nm"
         table.add_row(
             axis.part,
@@ -103,13 +105,10 @@ def _print_joints(robot: RobotModel, plant: Plant) -> None:
     Console(width=110, highlight=False).print(table)
 
 
-def _problems(robot: RobotModel, plant: Plant) -> list[str]:
+def _problems(robot: RobotModel, contacts: Sequence[tuple[str, str]], gravity: Sequence[float]) -> list[str]:
     """Return what would keep a robot from being tested, a sentence each."""
-    from rtf.simulator.contacts import touching
-
-    data = plant.data()
-    found = [f"{first} and {second} touch in the home pose" for first, second in touching(plant.model, data)]
-    for axis, load in zip(robot.axes, plant.axis_torques(data.qfrc_bias).tolist(), strict=True):
+    found = [f"{first} and {second} touch in the home pose" for first, second in contacts]
+    for axis, load in zip(robot.axes, gravity, strict=True):
         if abs(load) > _LOADED * axis.max_torque:
             found.append(
                 f"{axis.name}: gravity takes {abs(load):.3g} of its {axis.max_torque:g} at home; see max_torque"

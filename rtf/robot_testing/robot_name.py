@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import cache
 from typing import TYPE_CHECKING
 
 from rtf.robot.model import default_robot, load_robot
@@ -21,10 +22,14 @@ def robot_name(given: str, asking: Declared, otherwise: str) -> str:
     return (given or suite or os.environ.get(ROBOT_VARIABLE) or otherwise).strip("/")
 
 
+#: A test asks for its robot several times, and the file stays as it is meanwhile.
+_read_once = cache(load_robot)
+
+
 def robot_model(asking: Declared) -> RobotModel:
     """Return the robot as data: that of ``--robotmodel`` of the suite, of the fixture that started it, else the iCub.
 
     Raises RobotModelError for one that cannot be found or read.
     """
     named = asking.suite_value("robotmodel")
-    return load_robot(named) if named else default_robot()
+    return _read_once(named) if named else default_robot()

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rtf.robot.errors import RefusedError
-from rtf.robot.model.description import load_description, read_joints, repair, unusable_meshes
+from rtf.robot.model.description import fix_root, load_description, read_joints, repair, unusable_meshes, urdf_joints
 from rtf.robot.model.engine import mujoco
 from rtf.simulator.position_gains import BANDWIDTH
 
@@ -82,7 +82,7 @@ def draft(name: str, description: Path, source: str) -> Draft:
         assumed.append(f"at most {_FAST:g} deg/s, {_FAST_SLIDE:g} m/s, as on a bench: {', '.join(slowed)}")
     away = np.round(loads.centre + np.array([1.4, 1.0, 0.5]) * max(loads.extent, 0.3), 3)
     listed = "\n".join(f"    {_quoted(line)}," for line in assumed)
-    text = _HEAD.format(name=name, source=source, assumed=listed, rotor=_ROTOR) + "\n" + "\n".join(parts)
+    text = _HEAD.format(name=name, source=source, assumed=listed) + "\n" + "\n".join(parts)
     centre = ", ".join(f"{value:.3f}" for value in loads.centre)
     text += (
         f"\n[scene]\nfloor = {loads.lowest:.3f}\ncentre = [{centre}]\n"
@@ -189,11 +189,7 @@ def _loads(description: Path, names: Sequence[str]) -> _Loads:
     """Compute the loads in random poses within the limits, with the root fixed."""
     engine = mujoco()
     spec = load_description(description, shapes=False)
-    for joint in list(spec.joints):
-        if joint.type == engine.mjtJoint.mjJNT_FREE:
-            spec.delete(joint)
-    for key in list(spec.keys):
-        spec.delete(key)
+    fix_root(spec)
     model = spec.compile()
     data = engine.MjData(model)
     random = np.random.default_rng(0)
@@ -220,12 +216,7 @@ def _loads(description: Path, names: Sequence[str]) -> _Loads:
 
 def _mimics(description: Path) -> list[str]:
     """Return the joints of a URDF that follow others."""
-    if description.suffix.lower() != ".urdf":
-        return []
-    from lxml import etree
-
-    tree = etree.parse(description, etree.XMLParser(resolve_entities=False, no_network=True))
-    return [str(joint.get("name")) for joint in tree.iter("joint") if joint.find("mimic") is not None]
+    return [str(joint.get("name")) for joint in urdf_joints(description) if joint.find("mimic") is not None]
 
 
 def _parts(description: Path, driven: Sequence[JointDescription]) -> list[tuple[str, list[JointDescription]]]:

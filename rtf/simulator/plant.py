@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from rtf.robot.model.description import load_description
+from rtf.robot.model.description import fix_root, load_description
 from rtf.robot.model.engine import mujoco
 from rtf.robot.model.errors import RobotModelError
 from rtf.simulator import collisions, model_sensors, scene
@@ -161,12 +161,7 @@ def _set_engine(spec: Any, options: Options) -> None:
     spec.option.integrator = mujoco().mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.gravity = [0.0, 0.0, -GRAVITY]
     spec.option.magnetic = _MAGNETIC_FIELD
-    # What drives and moves the robot as a whole is in the way of axes of our own on a fixed root.
-    for element in [*spec.actuators, *spec.keys]:
-        spec.delete(element)
-    for joint in list(spec.joints):
-        if joint.type == mujoco().mjtJoint.mjJNT_FREE:
-            spec.delete(joint)
+    fix_root(spec)  # the axes have drives of their own
 
 
 def _attach(spec: Any, robot: RobotModel) -> list[Any]:

@@ -16,8 +16,10 @@ from rtf.robot.errors import ConfigurationError
 from rtf.robot.model.engine import mujoco
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from pathlib import Path
 
+    from lxml.etree import _Element
     from numpy.typing import NDArray
 
 #: Elements of a URDF with the shapes of a link.
@@ -213,14 +215,28 @@ def _efforts(model: Any) -> dict[str, float]:
     return {name: effort for name, effort in found.items() if effort > 0.0}
 
 
-def _velocities(path: Path) -> dict[str, float]:
-    """Return the velocity limits of a URDF, which the engine does not keep (rad/s, m/s)."""
+def urdf_joints(path: Path) -> Iterable[_Element]:
+    """Return the elements of the joints of a URDF file; none of another description."""
     if path.suffix.lower() != ".urdf":
-        return {}
+        return ()
     from lxml import etree
 
+    return etree.parse(path, etree.XMLParser(resolve_entities=False, no_network=True)).iter("joint")
+
+
+def fix_root(spec: Any) -> None:
+    """Remove what drives a robot and moves it as a whole: actuators, key frames, and free joints."""
+    for element in [*spec.actuators, *spec.keys]:
+        spec.delete(element)
+    for joint in list(spec.joints):
+        if joint.type == mujoco().mjtJoint.mjJNT_FREE:
+            spec.delete(joint)
+
+
+def _velocities(path: Path) -> dict[str, float]:
+    """Return the velocity limits of a URDF, which the engine does not keep (rad/s, m/s)."""
     found = {}
-    for joint in etree.parse(path, etree.XMLParser(resolve_entities=False, no_network=True)).iter("joint"):
+    for joint in urdf_joints(path):
         limit = joint.find("limit")
         if limit is not None and limit.get("velocity"):
             found[str(joint.get("name"))] = float(limit.get("velocity") or 0.0)

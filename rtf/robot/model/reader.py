@@ -31,10 +31,7 @@ if TYPE_CHECKING:
     from rtf.robot.model.description import JointDescription
 
 #: Of a joint for which neither the file nor the description says more: those of a small bench.
-_FALLBACK = Joint(
-    max_velocity=90.0, gearbox=100.0, encoder_resolution=182.044, home=0.0, torque_control=False, ratio=1.0,
-    prismatic=False,
-)  # fmt: skip
+_FALLBACK = Joint(max_velocity=90.0, gearbox=100.0, encoder_resolution=182.044, ratio=1.0)
 #: Ticks a metre of a prismatic joint: a tenth of a millimetre.
 _TICKS_A_METRE = 1e4
 #: Metres a second of a prismatic joint for which nothing is said.
