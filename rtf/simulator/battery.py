@@ -63,8 +63,8 @@ class SimulatedBattery(Device, IBattery):
         """Discharge the battery by the present current since the last call, and measure."""
         seconds, self._measured_at = now - self._measured_at, now
         boards = self.simulation.boards
-        output = boards.output
-        voltage, current = self._electrical(float((output * output * boards.amperes).sum()) / FULL_DUTY)
+        duties = boards.motor_duties()
+        voltage, current = self._electrical(float((duties * duties * boards.amperes).sum()) / FULL_DUTY)
         self.left = max(0.0, self.left - current * seconds / (self.capacity * math.prod(self.weaknesses)))
         reading = self._measured(voltage, current)
         for fault in self.faults:

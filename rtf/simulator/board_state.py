@@ -201,8 +201,8 @@ class BoardState(MotorBoard, BoardDriver):
         return torques
 
     def motor_currents(self) -> FloatArray:
-        """The currents of the motors (A), with the sign of the torque of the joint."""
-        currents = self.output * self.amperes
+        """The currents of the motors (A), with the signs of their duty cycles."""
+        currents = self.motor_duties() * self.amperes
         for fault in self.current_faults:
             fault(currents, self.now)
         return currents
@@ -249,12 +249,10 @@ class BoardState(MotorBoard, BoardDriver):
         shot[3], shot[4] = self.motor_motion()
         np.dot(self._turns, hastens, out=shot[5])
         shot[6] = self.measured_torques()
-        output = self.output
-        np.dot(self._undrive, output, out=shot[7])
-        output *= self.amperes
+        shot[7] = duties = self.motor_duties()
+        currents = np.multiply(duties, self.amperes, out=shot[8])
         for fault in self.current_faults:
-            fault(output, self.now)
-        shot[8] = output
+            fault(currents, self.now)
         state.temperatures[:] = self.temperature
 
     def shift_encoders(self, axes: NDArray[np.intp], values: FloatArray) -> None:

@@ -47,6 +47,7 @@ class Boards(BoardState):
         self._compliant: NDArray[np.intp] | None = None
         self._torquing: NDArray[np.intp] | None = None
         self._exerted = np.zeros(count)  # the torques commanded in the last step
+        self._powered = np.ones(count)  # 0 of an axis whose mode has no power
         for axis in range(count):
             self.configure(axis)
         for axis, torque in enumerate(self.gravity().tolist()):
@@ -116,6 +117,7 @@ class Boards(BoardState):
         currents = self.motor_currents()
         np.abs(currents, out=currents)
         self._heat(currents)
+        currents *= self._powered  # the motor of an idle joint may help to hold the joints that are coupled to it
         self.check_motors(currents, self.temperature)
         super().supervise()
 
@@ -179,6 +181,7 @@ class Boards(BoardState):
 
     def configure(self, axis: int) -> None:
         mode = ControlMode(int(self.mode[axis]))
+        self._powered[axis] = mode not in POWERLESS
         pid, torque = self.pids[axis], float(self.newton_metres[axis])
         kp = kd = ki = bias = 0.0  # Nm/deg, Nm s/deg, Nm/deg/s, Nm
         limit = FULL
@@ -187,9 +190,9 @@ class Boards(BoardState):
         elif mode is ControlMode.TORQUE:
             bias = 0.0 if self._expired[axis] else float(self.torques[axis])
         elif mode is ControlMode.CURRENT:
-            bias = 0.0 if self._expired[axis] else float(self.currents[axis] / self.amperes[axis]) * torque
+            bias = self._joint_duty(axis, mode, self.currents / self.amperes) * torque
         elif mode is ControlMode.PWM:
-            bias, limit = self._duty_of_joint(axis) * torque, float(self.duty_limit[axis])
+            bias, limit = self._joint_duty(axis, mode, self.duties) * torque, float(self.duty_limit[axis])
         elif not self.pid_enabled[axis]:
             pass
         elif self.interaction[axis] == InteractionMode.COMPLIANT:
@@ -221,24 +224,22 @@ class Boards(BoardState):
         self._limited = bool((self.controllers.limit < FULL * self.newton_metres).any())
         self._special = self._limited or self._stiction or bool(compliant.any() or torquing.any())
 
-    def _duty_of_joint(self, axis: int) -> float:
-        """Set the torques of joints whose motors are driven directly; coupled joints sum those of several motors."""
-        driven = self.mode == ControlMode.PWM
-        return float(self._drive[axis] @ np.where(driven & ~self._expired, self.duties, 0.0))
+    def _joint_duty(self, axis: int, mode: ControlMode, duties: FloatArray) -> float:
+        """Return the duty cycle of a joint whose motors are driven directly; a coupled joint sums those of several."""
+        driven = self.mode == mode
+        return float(self._drive[axis] @ np.where(driven & ~self._expired, duties, 0.0))
 
     def write(self, setpoints: Setpoints, modes: NDArray[np.int32]) -> None:
         """Set the efforts of the controllers, which follow the positions by themselves."""
-        for mode, commands in ((ControlMode.TORQUE, setpoints.torques), (ControlMode.CURRENT, setpoints.currents)):
-            for axis in np.flatnonzero(modes == mode).tolist():
-                value = float(commands[axis])
-                if mode is ControlMode.CURRENT:
-                    value = float(value / self.amperes[axis] * self.newton_metres[axis])
-                self.controllers.set_bias(axis, value)
-        driven = modes == ControlMode.PWM
-        if driven.any():
-            torques = (self._drive @ np.where(driven, setpoints.duty_cycles, 0.0)) * self.newton_metres
-            for axis in np.flatnonzero(driven).tolist():
-                self.controllers.set_bias(axis, float(torques[axis]))
+        for axis in np.flatnonzero(modes == ControlMode.TORQUE).tolist():
+            self.controllers.set_bias(axis, float(setpoints.torques[axis]))
+        for mode in (ControlMode.PWM, ControlMode.CURRENT):
+            driven = modes == mode
+            if driven.any():
+                duties = setpoints.duty_cycles if mode is ControlMode.PWM else setpoints.currents / self.amperes
+                torques = (self._drive @ np.where(driven, duties, 0.0)) * self.newton_metres
+                for axis in np.flatnonzero(driven).tolist():
+                    self.controllers.set_bias(axis, float(torques[axis]))
 
     def accept(self, what: str, axes: list[int], modes: frozenset[ControlMode]) -> list[int]:
         """Return the places of the axes that accept a command; faults can lose commands, or accept more."""

@@ -118,13 +118,14 @@ class TestModes:
         """Where the joint is, no speed, the torque and the current it is held with, no duty cycle."""
         rig.run(0.3)
         axis, boards = INDEX[SHOULDER], rig.boards
+        current = boards.motor_currents()[axis]
         held = boards.measured_torques()[axis]
         assert abs(held) > 1.0
         boards.velocities[axis], boards.targets[axis] = 5.0, 0.0
         rig.enter(SHOULDER, ControlMode.TORQUE)
         assert boards.torques[axis] == pytest.approx(held)
         rig.enter(SHOULDER, ControlMode.CURRENT)
-        assert boards.currents[axis] == pytest.approx(held / AXES[axis].max_torque * AXES[axis].peak_current, rel=0.05)
+        assert boards.currents[axis] == pytest.approx(current, rel=0.05)
         assert boards.velocities[axis] == 0.0
         assert boards.targets[axis] == boards.direct[axis] == rig.at(SHOULDER)
         rig.enter(SHOULDER, ControlMode.IDLE)
@@ -267,6 +268,25 @@ class TestWatchdogs:
         rig.say(getattr(rig.boards, command), NECK, -value)
         rig.run(0.01)
         assert rig.torque(NECK) == pytest.approx(-0.5, rel=0.01)
+
+    def test_currents_of_coupled_joints(self, rig: Rig):
+        """Currents are of motors: a group that is driven by the currents it is held with, is held."""
+        group = [INDEX[f"l_shoulder_{name}"] for name in ("pitch", "roll", "yaw")]
+        rig.run(0.3)
+        held, currents = rig.boards.measured_torques()[group], rig.boards.motor_currents()[group]
+        for axis in group:
+            rig.boards.request_mode(axis, ControlMode.CURRENT)
+        rig.boards.drive_currents(group, currents)
+        rig.run(0.01)
+        assert rig.boards.measured_torques()[group] == pytest.approx(held, abs=0.05)
+        assert rig.boards.motor_currents()[group] == pytest.approx(currents, rel=0.05)
+
+    def test_currents_have_the_signs_of_the_duty_cycles(self, rig: Rig):
+        """Of each motor, whatever the sign of its gear and its couplings."""
+        rig.run(0.3)
+        duties, currents = rig.boards.motor_duties(), rig.boards.motor_currents()
+        assert (rig.boards.gearbox < 0).any()
+        assert currents / rig.boards.peak_current == pytest.approx(duties / 100.0)
 
     def test_positions(self, rig: Rig):
         """Moves go to their end, and direct positions are held."""
