@@ -93,6 +93,7 @@ class SensorsDuplicateReadings(StreamTest):
         stream = stream_of(found)
         twice = f"{stream.duplicates} messages came again, with the same number"
         self._measure("messages that came twice", stream.duplicates, "count", one.duplicates, twice)
+        self.judge_stamps(stream, one.duplicates)
         values = readings_of(one.name, stream.messages)
         self.assert_true(values.shape[1] > 0, "the messages have no measurement")
         self._judge_values(one, values, stream.times)

@@ -70,6 +70,16 @@ class StreamTest(RobotTest):
         )
         return found
 
+    def judge_stamps(self, stream: Stream, repeated: int) -> None:
+        """Fail if stamps go back in time, or if more than ``repeated`` messages have the time of the one before."""
+        causes = likely_causes("stamps")
+        for name, count, most in (
+            ("stamps of the same time", stream.same_time, repeated),
+            ("stamps that go back in time", stream.back_in_time, 0),
+        ):
+            hint = f"{count} of {len(stream.messages)} messages, in the order of their numbers; {causes}"
+            self.measure(name, count, "count", high=most, hint=hint)
+
     @staticmethod
     def lines(group: Bottle) -> list[list[Value]]:
         """Return the lines of a section such as ``[PORTS]``; they may be nested in another list, as in a suite."""
@@ -121,6 +131,7 @@ class RateTest(StreamTest):
         self.measure("deviation of the periods", periods.deviation * 1e3, "ms")
         hint = f"{stream.duplicates} messages came again, with the same number; {likely_causes('duplicate')}"
         self.measure("duplicates", stream.duplicates, "count", high=self.max_duplicates, hint=hint)
+        self.judge_stamps(stream, self.max_duplicates)
         self._plot(stream)
         values = [*self._amounts(stream, rate, tolerance), *self._ways(stream)]
         judge_values(self, "the stream", values, overload(self.listener.cpu_pressure))

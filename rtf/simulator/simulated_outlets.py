@@ -31,11 +31,16 @@ _TOGETHER = 8
 
 
 class SimulatedOutlet:
-    """A port that publishes. ``disturbances`` lose, repeat and delay its messages; they can be changed at any step."""
+    """A port that publishes.
+
+    ``disturbances`` lose, repeat and delay its messages, ``restamps`` change their stamps; both can be changed at any
+    step.
+    """
 
     def __init__(self, port: PipelinedPort | BufferedPort[Any], simulation: Simulation) -> None:
         self.port = port
         self.disturbances: list[Disturbance] = []
+        self.restamps: list[Callable[[str], str]] = []
         self._simulation = simulation
 
     @property
@@ -45,6 +50,8 @@ class SimulatedOutlet:
 
     def write(self, value: Any, *, envelope: str) -> None:
         """Send an object with its stamp."""
+        for restamp in self.restamps:
+            envelope = restamp(envelope)
         if not self.disturbances:
             self.port.write(value, envelope=envelope)
             return

@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 
 from icub import ICUB, INDEX, build_icub
+from rtf.middleware.types import Stamp
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import SensorCategory
@@ -63,11 +64,12 @@ class Outlet:
         self.outputs = ()
         self.closed = False
         self.written: list[tuple[float, object]] = []
+        self.envelopes: list[str] = []
 
     def write(self, value: object, *, envelope: str) -> None:
         """Keep it."""
-        del envelope
         self.written.append((self.bench.simulation.now, value))
+        self.envelopes.append(envelope)
 
 
 class Bench:
@@ -137,9 +139,9 @@ class Bench:
 
     def publish(self, count: int = 200, period: float = 0.01) -> list[tuple[float, object]]:
         """Write numbers, one each period; returns what came out, and when."""
-        del self.port.written[:]
+        del self.port.written[:], self.port.envelopes[:]
         for number in range(count):
-            self.outlet.write(number, envelope="")
+            self.outlet.write(number, envelope=f"{number} {self.simulation.now:g}")
             self.run(period)
         self.run(0.1)
         return list(self.port.written)
@@ -188,7 +190,8 @@ def health(bench: Bench) -> dict[str, object]:
     found["limits"] = (boards.trajectories.minimum.tobytes(), boards.trajectories.maximum.tobytes())
     found["told"] = [list(bench.imus["inertial"].faults), list(bench.force_torques["left_arm"].faults)]
     found["drained"] = [list(bench.battery.weaknesses), list(bench.battery.faults)]
-    found["seen"], found["sent"] = list(bench.cameras["left"].faults), list(bench.outlet.disturbances)
+    found["seen"] = list(bench.cameras["left"].faults)
+    found["sent"] = [*bench.outlet.disturbances, *bench.outlet.restamps]
     return found
 
 
@@ -601,6 +604,16 @@ def is_slow(bench: Bench) -> None:
     assert [value for _, value in bench.publish(10)] == [1, 3, 5, 7, 9]
 
 
+def has_old_stamps(bench: Bench) -> None:
+    """A tenth has the time of the message before; with ``behind`` a tenth is too early by that."""
+    bench.publish(400, 0.001)
+    stamps = [Stamp.parse(envelope) for envelope in bench.port.envelopes]
+    assert [stamp.count for stamp in stamps] == [*range(400)]
+    steps = np.diff([stamp.time for stamp in stamps])
+    assert 20 < (steps == 0.0).sum() < 60
+    assert (steps >= 0.0).all()
+
+
 SHOWS: dict[str, Callable[[Bench], None]] = {
     "jam": held_jam,
     "friction": rubs,
@@ -649,6 +662,7 @@ SHOWS: dict[str, Callable[[Bench], None]] = {
     "loss": gets_lost,
     "duplicate": comes_twice,
     "wrong_rate": is_slow,
+    "old_stamps": has_old_stamps,
 }
 IN_PROCESS = [kind for kind in KINDS.values() if kind.layer is not Layer.PROCESS]
 

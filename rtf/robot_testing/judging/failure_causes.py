@@ -37,6 +37,7 @@ _CAUSES: dict[str, tuple[str, ...]] = {
     "lost": ("a loaded network", "a reader that is too slow"),
     "slow": ("a wrong period in the configuration", "messages lost on the way", "a loaded machine"),
     "duplicate": ("a sensor slower than its publisher", "messages sent twice"),
+    "stamps": ("a board that stamps old readings", "a clock that is set while the robot runs"),
     "offset": ("a sensor that was not calibrated", "a sensor that was overloaded"),
     "noise": ("a loose cable", "electrical noise"),
     "backlash": ("play in the gearbox", "a loose cable of the transmission"),

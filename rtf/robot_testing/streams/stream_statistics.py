@@ -21,7 +21,8 @@ class Stream(NamedTuple):
 
     ``messages`` has each number once. ``duplicates`` counts repetitions, ``lost`` the missing numbers, ``overtaken``
     the messages that arrived after a later one. ``every`` is k if only every k-th number arrived, else 0. ``delays``
-    are arrival time minus stamp, NaN without stamps; they include the offset of the two clocks.
+    are arrival time minus stamp, NaN without stamps; they include the offset of the two clocks. ``same_time`` counts
+    the messages whose stamps have the time of the message before, ``back_in_time`` those with an earlier one.
     """
 
     messages: tuple[Message, ...]
@@ -31,6 +32,8 @@ class Stream(NamedTuple):
     overtaken: int
     every: int
     delays: FloatArray
+    same_time: int
+    back_in_time: int
 
     @property
     def times(self) -> FloatArray:
@@ -67,6 +70,7 @@ def stream_of(messages: Sequence[Message]) -> Stream:
     ordered = tuple(once[count] for count in sorted(once))
     numbers = np.array(sorted(once))
     gaps = np.diff(numbers)
+    advances = np.diff([message.time for message in ordered])  # NaN without stamps, which counts as neither
     return Stream(
         messages=ordered,
         periods=periods_of([message.moment for message in ordered]),
@@ -75,4 +79,6 @@ def stream_of(messages: Sequence[Message]) -> Stream:
         overtaken=int(sum(later < before for before, later in pairwise(counts))),
         every=int(gaps[0]) if gaps.size and gaps[0] > 1 and (gaps == gaps[0]).all() else 0,
         delays=np.array([message.arrival - message.time for message in ordered]),
+        same_time=int((advances == 0.0).sum()),
+        back_in_time=int((advances < 0.0).sum()),
     )

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import os
 from signal import SIGKILL, SIGSTOP, Signals
 from typing import TYPE_CHECKING, ClassVar
 
+from rtf.middleware.types import Stamp
 from rtf.robot.errors import RefusedError
 from rtf.simulator.faults.base import Fault, Layer, Parameter, RobotFault, Target
 
@@ -14,6 +16,8 @@ if TYPE_CHECKING:
 
 
 class _PortFault(Fault):
+    """A fault of one port."""
+
     layer = Layer.NETWORK
     target_kind = Target.PORT
     outlet: SimulatedOutlet
@@ -23,6 +27,10 @@ class _PortFault(Fault):
         if self.target not in known:
             raise RefusedError(f"{self.kind}: there is no stream {self.target!r}; there are {', '.join(sorted(known))}")
         self.outlet = known[self.target]
+
+
+class _DeliveryFault(_PortFault):
+    """A fault that loses, repeats or delays messages."""
 
     def begin(self) -> None:
         self.outlet.disturbances.append(self.disturb)
@@ -35,7 +43,7 @@ class _PortFault(Fault):
         raise NotImplementedError
 
 
-class Latency(_PortFault):
+class Latency(_DeliveryFault):
     """Constant delay of all messages of a port."""
 
     kind = "latency"
@@ -49,7 +57,7 @@ class Latency(_PortFault):
         return [delay + self.delay for delay in delays]
 
 
-class Jitter(_PortFault):
+class Jitter(_DeliveryFault):
     """Random delay of the messages of a port."""
 
     kind = "jitter"
@@ -63,7 +71,7 @@ class Jitter(_PortFault):
         return [delay + float(self.simulation.random.uniform(0.0, self.most)) for delay in delays]
 
 
-class Loss(_PortFault):
+class Loss(_DeliveryFault):
     """Random loss of messages of a port."""
 
     kind = "loss"
@@ -77,7 +85,7 @@ class Loss(_PortFault):
         return [delay for delay in delays if self.simulation.random.random() >= self.share]
 
 
-class Duplicate(_PortFault):
+class Duplicate(_DeliveryFault):
     """Repetition of messages of a port."""
 
     kind = "duplicate"
@@ -92,7 +100,7 @@ class Duplicate(_PortFault):
         return [delay for delay in delays for _ in range(2 if twice else 1)]
 
 
-class WrongRate(_PortFault):
+class WrongRate(_DeliveryFault):
     """Transmission of only some messages of a port."""
 
     kind = "wrong_rate"
@@ -106,6 +114,38 @@ class WrongRate(_PortFault):
         del now
         self._count += 1
         return delays if self._count % max(1, round(self.every)) == 0 else []
+
+
+class OldStamps(_PortFault):
+    """Messages with the time of an earlier one; their numbers are right."""
+
+    kind = "old_stamps"
+    description = "Messages have old time stamps."
+    symptom = "Sequence numbers count, and times repeat or go back."
+    parameters = (
+        Parameter("share", 0.1, "", "of the messages", 0.0, 1.0),
+        Parameter("behind", 0.0, "s", "how much the time is too early; 0: it is that of the message before", 0.0, 60.0),
+    )
+    share: float
+    behind: float
+    _time = math.nan  # of the last message
+
+    def begin(self) -> None:
+        self.outlet.restamps.append(self.restamp)
+
+    def end(self) -> None:
+        self.outlet.restamps.remove(self.restamp)
+
+    def restamp(self, envelope: str) -> str:
+        """Return the stamp of a message, which may be old."""
+        stamp = Stamp.parse(envelope)
+        if stamp is None:
+            return envelope
+        time = stamp.time
+        if not math.isnan(self._time) and self.simulation.random.random() < self.share:
+            time = time - self.behind if self.behind else self._time
+        self._time = time
+        return str(Stamp(stamp.count, time))
 
 
 class _ProcessFault(RobotFault):
@@ -139,4 +179,4 @@ class Hang(_ProcessFault):
     signal = SIGSTOP
 
 
-KINDS = (Latency, Jitter, Loss, Duplicate, WrongRate, Crash, Hang)
+KINDS = (Latency, Jitter, Loss, Duplicate, WrongRate, OldStamps, Crash, Hang)

@@ -46,7 +46,7 @@ def test_two_robots_are_tested_at_the_same_time(tmp_path: Path):
     for more in (words, ["--resume", "-j", "1"]):
         done = subprocess.run([*proof, *more], cwd=tmp_path, capture_output=True, text=True, timeout=95, check=False)
         assert done.returncode == 0, done.stdout + done.stderr
-        assert done.stdout.splitlines()[-1] == "PROOF PASSED  all 8 claims hold"
+        assert done.stdout.splitlines()[-1] == "PROOF PASSED  all 9 claims hold"
     events = [*journal.read(tmp_path / "rtf-runs" / "proof" / "run")]
     told = [event.kind for event in events if isinstance(event, SuiteStarted | SuiteEnded)]
     assert told[:4] == ["suite_started", "suite_started", "suite_ended", "suite_ended"]

@@ -53,12 +53,19 @@ def test_late_messages_are_jitter_and_overtaken():
     assert stream.jitter(0.5) == pytest.approx(0.0)
 
 
+def test_stamps_that_do_not_advance_are_counted():
+    """In the order of the numbers: what arrives late is not old."""
+    stamps = [(0, 0.0), (1, 0.01), (3, 0.03), (2, 0.01), (4, 0.02), (5, 0.05)]
+    stream = stream_of([Message(number, time, 0.1, 8, number, None) for number, time in stamps])
+    assert (stream.same_time, stream.back_in_time) == (1, 1)
+
+
 def test_without_stamps_arrivals_count():
     """Messages without stamps are never duplicates, and their rate is that of their arrivals."""
     bare = [Message(-1, math.nan, number * 0.02, 8, 0, None) for number in range(11)]
     stream = stream_of(bare)
     assert stream.periods.rate == pytest.approx(50.0)
-    assert (stream.lost, stream.duplicates) == (0, 0)
+    assert (stream.lost, stream.duplicates, stream.same_time, stream.back_in_time) == (0, 0, 0, 0)
     assert all(math.isnan(delay) for delay in stream.delays)
 
 
