@@ -119,6 +119,7 @@ class JointLimits(JointsTest):
         """Run all queues in parallel; each joint is judged when it is home again."""
         part = self.robot_part
         self._spans: dict[int, tuple[float, float]] = {}
+        self._heading: dict[int, _Side] = {}  # the limits to which joints are on their way
         self._told: dict[int, list[tuple[float, float]]] = {joint: [] for joint in self.chosen}
         with part.recorded() as trace:
             run_queues(part, part.queues(self.chosen), self._routine, pace=_PACE)
@@ -131,6 +132,7 @@ class JointLimits(JointsTest):
             yield from self._visit_limits(joint)
         except GuardError as error:
             self._spans[joint] = begin, self.now()
+            self._judge_block(joint, error)
             self.judge_stop(joint, error)
         self.progress(len(self._spans) / len(self.chosen), name)
 
@@ -140,7 +142,9 @@ class JointLimits(JointsTest):
         low, high = float(part.low[joint]), float(part.high[joint])
         found: list[tuple[_Side, _Stay, _Stay]] = []
         for side in (_Side("upper", high, 1.0), _Side("lower", low, -1.0)):
+            self._heading[joint] = side
             yield from self._travel(joint, side.limit)
+            del self._heading[joint]
             reached = self._stay(joint)
             yield from self._travel(joint, side.limit + side.sign * self.beyond[joint], beyond=True)
             found.append((side, reached, self._stay(joint)))
@@ -160,7 +164,7 @@ class JointLimits(JointsTest):
         board, speed = self.robot_part.board, self.speeds[joint]
         here = board.encoder(joint)
         expected = abs(target - here) / speed
-        board.position_move([target], [joint])
+        self.robot_part.command_move([target], [joint])
         self._told[joint].append((self.now(), target))
         begin = since = self.now()
         while (now := self.now()) < begin + 2 * expected + _GRACE:
@@ -185,12 +189,7 @@ class JointLimits(JointsTest):
                 f"{likely_causes('wrong limit')}"
             )
             self.measure(f"{side.name} limit", side.limit, "deg", low=wanted - _SAME, high=wanted + _SAME, hint=hint)
-        missing = sign * (side.limit - reached.position)
-        hint = (
-            f"{name} stops at {reached.position:.2f} deg, {missing:.2f} deg short of its {side.name} limit of "
-            f"{side.limit:g} deg; {likely_causes('short of limit')}"
-        )
-        self.measure(f"short of the {side.name} limit", missing, "deg", high=tolerance, hint=hint)
+        missing = self._judge_missing(joint, side, reached.position)
         excess = sign * (asked.position - side.limit)
         hint = (
             f"{name} goes {excess:.2f} deg beyond its {side.name} limit of {side.limit:g} deg; "
@@ -200,6 +199,23 @@ class JointLimits(JointsTest):
         if missing <= tolerance:
             way = math.copysign(sign, sign * self.gains[joint].kp)  # an inverted motor has inverted gains
             self._judge_push(joint, side, way * (asked.output - reached.output))
+
+    def _judge_missing(self, joint: int, side: _Side, position: float) -> float:
+        """Judge how far a joint at rest is short of a limit (deg), and return that."""
+        name, missing = self.robot_part.names[joint], side.sign * (side.limit - position)
+        hint = (
+            f"{name} stops at {position:.2f} deg, {missing:.2f} deg short of its {side.name} limit of "
+            f"{side.limit:g} deg; {likely_causes('short of limit')}"
+        )
+        self.measure(f"short of the {side.name} limit", missing, "deg", high=self.near[joint], hint=hint)
+        return missing
+
+    def _judge_block(self, joint: int, error: GuardError) -> None:
+        """Judge the limit to which a joint was on its way when the guard found it blocked: it cannot be reached."""
+        side = self._heading.pop(joint, None)
+        if side is not None and error.joint == joint and error.finding == "blocked":
+            with self.subresult(self.robot_part.names[joint]):
+                self._judge_missing(joint, side, self.robot_part.board.encoder(joint))
 
     def _judge_push(self, joint: int, side: _Side, push: float) -> None:
         """Judge the additional output for a command beyond the limit: none, if the board clips the setpoint."""

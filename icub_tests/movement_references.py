@@ -117,7 +117,7 @@ class MovementReferencesTest(JointsTest):
             "reference duty cycle", joints, board.reference_duty_cycles(joints), duties, _SAME_DUTY, "%", "references"
         )
         before, home = board.target_positions(joints), part.home[joints]
-        board.position_move(np.where(np.abs(home - before) < 1.0, home + way, home), joints)
+        self.robot_part.command_move(np.where(np.abs(home - before) < 1.0, home + way, home), joints)
         part.wait(_TAKES, pace=_PACE)
         self._unchanged("target position after a move in PWM mode", joints, board.target_positions(joints), before)
 

@@ -119,7 +119,7 @@ class PositionStress(JointsTest):
     def _go(self, joint: int, end: float, wait: float) -> Routine[list[str]]:
         """Send one target and wait; return the error if the board does not report that target."""
         part = self.robot_part
-        part.board.position_move([end], [joint])
+        part.command_move([end], [joint])
         yield from pause(part.clock, wait)
         found = float(part.board.target_positions(joint)[0])
         if abs(found - end) <= _SAME:

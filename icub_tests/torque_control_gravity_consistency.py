@@ -136,7 +136,7 @@ class TorqueControlGravityConsistency(RobotTest):
         others = [one for one in self.chosen if one != joint]
         places = np.clip(part.home[others] + away, part.low[others], part.high[others])
         part.board.set_reference_speeds([_APPROACH_SPEED] * len(others), others)
-        part.board.position_move(places, others)
+        part.command_move(places, others)
 
     def _judge_all(self, part: Part, measured: FloatArray, wanted: FloatArray) -> None:
         for place, joint in enumerate(self.chosen):

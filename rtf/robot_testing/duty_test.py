@@ -118,9 +118,13 @@ class DutyTest(JointsTest):
         with self.subresult(part.names[joint]):
             for ways in found:
                 self._keep(ways)
-            if problem is not None:
+            if problem is None:
+                self.judge(joint, found)
+        if isinstance(problem, GuardError) and problem.joint >= 0:
+            self.judge_stop(joint, problem)
+        elif problem is not None:
+            with self.subresult(part.names[joint]):
                 raise problem
-            self.judge(joint, found)
 
     def _is_lost(self, joint: int) -> bool:
         """Return whether a joint cannot be tested, as it or a coupled one was excluded; judge it in that case.

@@ -114,7 +114,7 @@ class JointsTest(RobotTest):
         if error.joint not in self.chosen:
             raise error
         self.fail_and_exclude(
-            error.joint, f"{error}; {likely_causes('stopped')}", "had to be stopped", excuse=error.excuse
+            error.joint, f"{error}; {likely_causes(error.finding)}", "had to be stopped", excuse=error.excuse
         )
 
     def fail_and_exclude(self, joint: int, text: str, what: str, *, excuse: str = "") -> None:
@@ -158,7 +158,7 @@ class JointsTest(RobotTest):
         part, stopped = self.robot_part, self.robot_part.names[error.joint]
         if error.joint != joint and part.guard is not None:
             part.guard.halt([joint])
-        self._fail(error.joint, f"{error}; {likely_causes('stopped')}", error.excuse)
+        self._fail(error.joint, f"{error}; {likely_causes(error.finding)}", error.excuse)
         if error.joint != joint:
             with self.subresult(part.names[joint]):
                 self.inconclusive(f"{stopped} had to be stopped while {part.names[joint]} was tested")
@@ -182,7 +182,7 @@ class JointsTest(RobotTest):
         try:
             yield
         except GuardError as error:
-            self.blame(error, "stopped")
+            self.blame(error, error.finding)
 
 
 def command_at(times: FloatArray, commands: Sequence[tuple[float, float]]) -> FloatArray:

@@ -8,15 +8,18 @@ from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, NoReturn
 
 from rtf import clock
+from rtf.errors import RtfError
 from rtf.middleware.clocks.network_clock import CLOCK_VARIABLE, LockstepClock, clock_from_environment
 from rtf.middleware.ports.network import default_network
 from rtf.robot.client.boards import connect
 from rtf.robot.errors import RefusedError, RobotError, StaleStateError
 from rtf.robot_testing.failure_recording import FailureRecording
 from rtf.robot_testing.guard.contacts import ContactWatch, listen_to_forces
+from rtf.robot_testing.guard.heartbeat import Heartbeat
 from rtf.robot_testing.guard.limits import GuardError, Limits
 from rtf.robot_testing.guard.motion_guard import MotionGuard
 from rtf.robot_testing.guard.motion_record import MotionRecord
+from rtf.robot_testing.guard.planned_moves import MoveCheck, read_positions
 from rtf.robot_testing.guard.read_only_board import connect_read_only
 from rtf.robot_testing.guard.safety import Safety
 from rtf.robot_testing.guard.simulated import is_simulated
@@ -57,6 +60,12 @@ class RobotTest(TestCase):
     limits: ClassVar[Limits] = Limits()
 
     robot = Parameter(str, "name of the robot; without it --robotname of the suite, or that of the fixture", default="")
+    check_moves = Parameter(
+        bool,
+        "whether the moves of a simulated robot are checked on its model, too, for self-collisions, "
+        "as those of a real one always are; it takes about half a second for each test",
+        default=False,
+    )
     inject = Parameter(
         str, "a fault of the simulated robot to begin with, such as: jam l_elbow torque=400 delay=0.5", default=""
     )
@@ -175,16 +184,47 @@ class RobotTest(TestCase):
                 self.assert_error(f"/{self.robot_name}/{name} cannot be opened: {error}{where}")
         return self._parts[name]
 
+    @cached_property
+    def _move_check(self) -> MoveCheck | None:
+        """What checks planned moves; None if they are not checked."""
+        if self.simulated and not self.check_moves:
+            return None
+        try:
+            positions = read_positions(
+                robot_model(self),
+                self.robot_name,
+                network=self.network,
+                carrier=self._carrier,
+                opened=lambda board: self.add_cleanup(board.close),
+            )
+            self.sleep(_FIRST_STATE)
+            return MoveCheck(robot_model(self), positions)
+        except RtfError as error:
+            self.warn(f"moves are not checked for self-collisions: {error}")
+            return None
+
+    @cached_property
+    def _heartbeat(self) -> Heartbeat | None:
+        """The heartbeat of all guards of this test; None in lockstep, where the robot's time waits for the test."""
+        if isinstance(self.clock, LockstepClock):
+            return None
+        beating = Heartbeat(self.robot_name)
+        self.add_cleanup(beating.close)
+        return beating
+
+    @property
+    def _carrier(self) -> str:
+        """In lockstep no message may be under way when the time advances: tcp waits for the acknowledgement."""
+        return "tcp" if isinstance(self.clock, LockstepClock) else "fast_tcp"
+
     def _open(self, name: str) -> Part:
-        # In lockstep no message may be under way when the time advances: tcp waits for the acknowledgement.
-        carrier = "tcp" if isinstance(self.clock, LockstepClock) else "fast_tcp"
         place = f"/{self.robot_name}/{name}"
         moves = self.safety is not Safety.STILL
         if moves and (reason := MotionRecord().unrestored(place)):
             raise RobotError(f"it could not be restored after an earlier test, and is not moved: {reason}")
         if moves and not is_simulated(self.network, self.robot_name, name):
             self._ask_for_permission()  # a simulator answers for the robot, but does not serve this part
-        board = (connect if moves else connect_read_only)(place, carrier=carrier, network=self.network)
+        board = (connect if moves else connect_read_only)(place, carrier=self._carrier, network=self.network)
         self.add_cleanup(board.close)
         self._await_state(board)
         guard = forces = None
@@ -199,7 +239,11 @@ class RobotTest(TestCase):
                 report=self.report,
                 limits=self.limits,
                 contacts=None if forces is None else ContactWatch(board, forces, robot_model(self), name),
+                robot=robot_model(self),
+                heartbeat=self._heartbeat,
+                moves=self._move_check if name in robot_model(self).parts else None,
             )
+            self.report(guard.coverage())
         part = Part(name, board, self.clock, guard, together=robot_model(self).together(name))
         recording = FailureRecording(self, part, forces)
         self.add_cleanup(recording.write)
@@ -227,8 +271,11 @@ class RobotTest(TestCase):
     def blame(self, error: GuardError, *findings: str, during: str = "") -> NoReturn:
         """Fail the test, or the sub-result, with the guard's error and the likely causes of ``findings``.
 
-        It ends as inconclusive if this machine was too busy to control the joints.
+        A joint that was blocked has causes of its own. The test ends as inconclusive if this machine was too busy to
+        control the joints.
         """
+        if error.finding == "blocked":
+            findings = (error.finding,)
         text = f"{during}: {error}" if during else str(error)
         if error.excuse:
             self.inconclusive(f"{text}; but {error.excuse}")

@@ -101,8 +101,8 @@ def test_a_joint_that_does_not_come_home_hides_no_other(outcome, measured):
     """It fails by its name; all others are measured at both limits."""
     assert outcome.verdict("dead") is Verdict.FAILED
     assert failed_parts(outcome, "dead") == ["neck_yaw"]
-    assert "neck_yaw is at" in outcome.detail("dead")
-    assert "likely: a broken motor cable" in outcome.detail("dead")
+    assert "neck_yaw (/icubSim/head joint 2) does not move" in outcome.detail("dead")
+    assert "a broken motor cable" in outcome.detail("dead")
     tested = {event.subject for event in measured(outcome, "dead", "short of the lower limit")}
     assert tested == {axis.name for axis in PARTS["head"]} - {"neck_yaw"}
 

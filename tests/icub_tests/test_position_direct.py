@@ -1,5 +1,7 @@
 """PositionDirect on the simulated robot."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -74,7 +76,6 @@ def test_the_joints_swing(outcome):
     [
         ("lost", "torso_pitch", "commands lost"),
         ("weak-gains", "torso_yaw", "tracking error"),
-        ("jammed", "torso_yaw", "amplitude"),
     ],
 )
 def test_each_fault_is_found_at_its_joint_only(outcome, measured, name, joint, what):
@@ -85,6 +86,13 @@ def test_each_fault_is_found_at_its_joint_only(outcome, measured, name, joint, w
     assert all(one.margin < 0 for one in broken)
     other = {"torso_yaw": "torso_pitch", "torso_pitch": "torso_yaw"}[joint]
     assert all(one.margin >= 0 for one in measured(outcome, name, what, other))
+
+
+def test_a_blocked_joint_is_released(outcome, measured):
+    """It fails by its name before a swing is complete, and the other one passes."""
+    assert outcome.verdict("jammed") is Verdict.FAILED
+    assert re.search(r"torso_yaw \(/icubSim/torso joint 0\) .*; it was released", outcome.detail("jammed"))
+    assert all(one.margin >= 0 for one in measured(outcome, "jammed", "amplitude", "torso_pitch"))
 
 
 def test_a_form_may_be_chosen_as_in_older_files(outcome, measured):

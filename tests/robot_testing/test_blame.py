@@ -139,7 +139,7 @@ def test_the_stopped_joint_fails_and_not_the_tested_one(
     """The tested joint is not judged; it is held where it is, and the next one is tested."""
     every = np.full(3, 10.0)
     test = made(name, speeds=every, beyond=every, near=every, bottom=-every, top=every, _spans={}, **more)
-    test._told = {0: []}
+    test._told, test._heading = {0: []}, {}
     routine = test._routine(0)
     next(routine)
     bench.time.sleep(0.1)
@@ -193,7 +193,7 @@ def test_errors_of_the_guard_have_an_excuse_on_a_busy_machine(bench: PartBench, 
     with pytest.raises(GuardError) as caught:
         bench.guard.watch()
     assert caught.value.excuse == BUSY
-    monkeypatch.setattr(bench.guard, "_clock", object.__new__(LockstepClock))
+    monkeypatch.setattr(bench.guard, "clock", object.__new__(LockstepClock))
     assert bench.guard.excuse() == ""
 
 

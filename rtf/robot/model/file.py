@@ -170,6 +170,23 @@ class Sensors(Table, frozen=True):
     battery: Battery | None = None
 
 
+class GuardTable(Table, frozen=True):
+    """How long joints may press before the guard of a test releases them.
+
+    The times are shorter than the half second within which pressing has to end, and longer than healthy motion needs:
+    to reach or leave its greatest speed *v* a joint of inertia *I* needs its whole torque *T* for *I v / T*, for the
+    heaviest joint of the iCub (3 kg m², 100 deg/s, 80 Nm) 0.07 s.
+    """
+
+    peak_time: Positive = 0.3  # s, for which a motor may have its peak current (I2t above the nominal one)
+    saturated_time: Positive = 0.3  # s, for which a controller may give its whole duty cycle
+    stalled_time: Positive = 0.25  # s, for which a joint may stand still although its motor works
+    stalled_error: Positive = 1.0  # deg, twice the distance at which a move counts as arrived
+    #: Greatest share of the full output that friction takes: 0.02 in the model of the iCub, up to 0.1 with the harmonic
+    #: drives and cables of real ones.
+    breakaway: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.15
+
+
 class Cut(Table, frozen=True):
     """A visible mesh that is cut off beyond coordinates of its link, as attached bodies take its place."""
 
@@ -203,6 +220,7 @@ class RobotFile(Table, frozen=True):
     motors: dict[str, Motor] = {}
     body: Body = Body()
     sensors: Sensors = Sensors()
+    guard: GuardTable = GuardTable()
     scene: Bench = Bench()
 
 

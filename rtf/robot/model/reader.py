@@ -154,6 +154,7 @@ class _Reading:
             kinematic_parts=kinematic,
             body=file.body,
             sensors=file.sensors,
+            guard=file.guard,
             scene=file.scene,
             profile=file.profile,
             assumed=tuple(file.assumed),

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from rtf.robot.model.file import Bench, Body, Sensors
+    from rtf.robot.model.file import Bench, Body, GuardTable, Sensors
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +117,7 @@ class RobotModel:
     kinematic_parts: Mapping[str, Part]  # that move hardly any mass, without physics
     body: Body
     sensors: Sensors
+    guard: GuardTable
     scene: Bench
     profile: str  # the origin of its thresholds: measured on a robot, chosen, or unvalidated
     assumed: tuple[str, ...] = field(default=())  # what ``rtf robot new`` had to assume

@@ -8,6 +8,7 @@ have a sensor; it sees contacts beyond it, so not those of the upper arm or the 
 
 from __future__ import annotations
 
+import statistics
 from collections import deque
 from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple
@@ -213,7 +214,7 @@ class ContactWatch:
         self._free = self._free or before
         # The later samples also show the joints that the contact moved.
         early = islice(samples, (len(samples) + 1) // 2)
-        speeds = np.abs([sample.speeds for sample in early]).mean(axis=0)
+        speeds = np.mean([sample.speeds for sample in early], axis=0)
         samples.clear()
         return DetectedContact(force, speeds)
 
@@ -290,7 +291,7 @@ class ContactWatch:
             stamps = [stamp_of(one).time for one in taken]
             time, begin = stamps[0], min(stamps) - _BEFORE
             gap = _gap(times, begin, time + _KNOWN)
-            if gap > _GAP and gap > _PERIODS * float(np.median(np.diff(times))):
+            if gap > _GAP and gap > _PERIODS * statistics.median(np.diff(times).tolist()):
                 return None
             near = range(*np.searchsorted(times, (begin, time + _AFTER), "right"))
         force = np.sort([self.forces.read(one)[:3] for one in taken], axis=0)[1:-1].mean(axis=0)

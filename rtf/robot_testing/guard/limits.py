@@ -16,9 +16,10 @@ class Limits:
     #: Factor of the expected speed: the joint's greatest speed or, if less, twice the commanded speed, but at least
     #: 80 deg/s. Infinite: no limit.
     speed: float = 1.5
-    current: float | None = 1.0  # factor of its greatest current
+    current: float | None = 1.0  # factor of its greatest current; also, overloads of motors are watched
     torque: float | None = 1.5  # factor of the greatest torque of its motor: more has an external cause
     temperature: float | None = 1.0  # factor of its temperature limit
+    pressing: bool = True  # whether joints are released that press, by the times of the robot's profile
     #: Greatest sudden change of the force at the part's sensor beyond what its motion explains, N. A free limb of the
     #: simulated robot shows 0.3 N when it falls or stops from full speed, and 13 N with stamps that are wrong by 20 ms.
     #: A self-collision at 20 deg/s shows 25 N with a finger, 60 to 100 N with any other link.
@@ -29,10 +30,12 @@ class GuardError(RobotError, TestFailure):
     """A joint violates a limit, and was stopped; the message names the joint, the value and the limit.
 
     The test fails, as the robot is at fault. It is inconclusive with an ``excuse``: this machine was too busy to
-    control joints. ``joint`` is the number of the joint in the part, -1 if it is unknown.
+    control joints. ``joint`` is the number of the joint in the part, -1 if it is unknown. ``finding`` is the key of its
+    likely causes.
     """
 
-    def __init__(self, text: str, joint: int = -1, excuse: str = "") -> None:
+    def __init__(self, text: str, joint: int = -1, excuse: str = "", finding: str = "stopped") -> None:
         super().__init__(text)
         self.joint = joint
         self.excuse = excuse
+        self.finding = finding

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.errors import NotSupportedError, RefusedError, RobotError
 
 if TYPE_CHECKING:
@@ -23,6 +24,10 @@ _SILENT = 0.5
 #: Speed that is always expected, deg/s: on the simulated robot a limp joint falls at up to 90, and one that steps by
 #: 2 deg reaches 41. Boards may allow all joints 1000.
 _USUAL_SPEED = 80.0
+#: Speed that is always expected of a joint on a trajectory, deg/s: the peak of a move at 20 deg/s; and the time for
+#: which it may be faster, s: a loop of some hertz stops a joint that was limp, or hit, in about that.
+_TRAJECTORY_SPEED, _CAUGHT = 40.0, 0.1
+_TRAJECTORY_MODES = frozenset({ControlMode.POSITION, ControlMode.VELOCITY, ControlMode.MIXED})
 #: Ratio of the peak speed of a move to its commanded speed: a minimum-jerk trajectory has a peak of 15/8.
 _PEAK_RATIO = 2.0
 
@@ -62,9 +67,9 @@ class MonitoredQuantity:
         self._reported: set[int] = set()
 
     @property
-    def limited(self) -> bool:
-        """Whether there is a limit for any joint."""
-        return bool(np.isfinite(self.most(np.zeros(len(self._most)))).any())
+    def limited(self) -> NDArray[np.bool_]:
+        """The joints that have a limit."""
+        return np.isfinite(self.most(np.zeros(len(self._most))))
 
     def check(self, now: float) -> Iterator[Violation]:
         """Yield the joints above their limits, and those whose values have stopped; ``now`` is the robot's time (s)."""
@@ -99,13 +104,16 @@ class MonitoredQuantity:
 class MonitoredSpeed(MonitoredQuantity):
     """Joint speeds (deg/s), limited to ``share`` times the expected speed, see ``Limits.speed``.
 
-    The commanded speeds are read from the board when a joint would be too fast without them.
+    A stiff joint on a trajectory may exceed what is expected there only for a moment. The commanded speeds are read
+    from the board when a joint would be too fast without them.
     """
 
     def __init__(self, board: RemoteBoard, part: MonitoredPart, share: float, fastest: FloatArray) -> None:
         sentence = "turns at {:.0f} deg/s, too fast: more than {:.0f} deg/s"
         super().__init__("speed", part, board.encoder_speeds, fastest, sentence)
         self._commanded_speeds = board.reference_speeds
+        self._modes, self._interactions = board.control_modes, board.interaction_modes
+        self._fast_since = np.full(len(fastest), np.inf)  # since when a joint is too fast for a trajectory, s
         self._share = share
         self._commanded = np.zeros(len(fastest))
 
@@ -116,8 +124,36 @@ class MonitoredSpeed(MonitoredQuantity):
                 self._commanded = np.fmax(self._commanded, self._commanded_speeds())
         return self._expected()
 
-    def _expected(self) -> FloatArray:
-        expected: FloatArray = np.minimum(self._most, np.maximum(_USUAL_SPEED, _PEAK_RATIO * self._commanded))
+    def check(self, now: float) -> Iterator[Violation]:
+        """See MonitoredQuantity."""
+        yield from super().check(now)
+        try:
+            values = np.abs(self._measure())
+        except (NotSupportedError, RefusedError):
+            return
+        limit = self._expected(_TRAJECTORY_SPEED)
+        if not (values > limit).any():
+            self._fast_since[:] = np.inf
+            return
+        with suppress(RobotError):
+            self._commanded = np.fmax(self._commanded, self._commanded_speeds())
+            limit = self._expected(_TRAJECTORY_SPEED)
+        following = np.array([mode in _TRAJECTORY_MODES for mode in self._modes()])
+        with suppress(NotSupportedError, RefusedError):  # a compliant joint goes where it is pushed
+            following &= np.array([mode is not InteractionMode.COMPLIANT for mode in self._interactions()])
+        fast = following & (values > limit)
+        # The clock may also be set back.
+        self._fast_since = np.where(fast, np.minimum(self._fast_since, now), np.inf)
+        yield Violation(
+            now - self._fast_since >= _CAUGHT,
+            lambda joint: (
+                f"has turned at {values[joint]:.0f} deg/s for {_CAUGHT:g} s, too fast for its commanded "
+                f"{self._commanded[joint]:g} deg/s: more than {limit[joint]:.0f} deg/s"
+            ),
+        )
+
+    def _expected(self, least: float = _USUAL_SPEED) -> FloatArray:
+        expected: FloatArray = np.minimum(self._most, np.maximum(least, _PEAK_RATIO * self._commanded))
         return self._share * expected
 
 
@@ -140,7 +176,7 @@ def state_quantities(
         torques = limits.torque * greatest(board, lambda joint: max(map(abs, board.torque_range(joint))))
         sentence = "has a torque of {:.1f} Nm, too much: more than {:.1f} Nm"
         found.append(MonitoredQuantity("torque", part, board.torques, torques, sentence))
-    return [one for one in found if one.limited]
+    return [one for one in found if one.limited.any()]
 
 
 def temperatures(board: RemoteBoard, part: MonitoredPart, limits: Limits) -> MonitoredQuantity | None:
@@ -150,7 +186,7 @@ def temperatures(board: RemoteBoard, part: MonitoredPart, limits: Limits) -> Mon
     most = limits.temperature * greatest(board, board.temperature_limit)
     sentence = "has {:.0f} degC, too hot: more than {:.0f} degC"
     found = MonitoredQuantity("temperature", part, board.temperatures, most, sentence)
-    return found if found.limited else None
+    return found if found.limited.any() else None
 
 
 def greatest(board: RemoteBoard, request: Callable[[int], float]) -> FloatArray:

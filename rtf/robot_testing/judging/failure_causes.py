@@ -66,6 +66,13 @@ _CAUSES: dict[str, tuple[str, ...]] = {
         "a wrong sensor",
         "an obstacle",
     ),
+    "blocked": (
+        "a mechanical block, or an obstacle",
+        "a joint without torque: a broken motor cable, or a dead amplifier",
+        "two wires of the motor exchanged, or another wrong sign in the loop, that drove the joint to its stop",
+        "a wrong zero or scale of the encoder, so that the joint is at its stop",
+        "a frozen encoder",
+    ),
     "runs away": ("gains far too large", "a wrong sign in the loop", "a wrong sensor"),
     "lost commands": ("a loaded network", "a board that drops commands"),
     "lag": ("gains that are too small", "commands or answers that are late", "a weak motor"),

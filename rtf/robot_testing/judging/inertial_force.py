@@ -8,6 +8,7 @@ stepped by 4 deg, loads the sensor with 19 N more than such a line explains, and
 
 from __future__ import annotations
 
+import statistics
 from collections import deque
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -59,7 +60,7 @@ class InertialForce:
     @property
     def noise(self) -> float:
         """The force that noise of the speeds simulates at rest, N; 0 before it is known."""
-        return float(np.median(self._resting)) if len(self._resting) >= _ENOUGH else 0.0
+        return statistics.median(self._resting) if len(self._resting) >= _ENOUGH else 0.0
 
 
 def _steepest(times: FloatArray, speeds: FloatArray) -> float:

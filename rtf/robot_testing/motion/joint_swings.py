@@ -122,7 +122,7 @@ class JointSwinger:
         watch = _Watch(part, self.transmission, going, wanted, self.tolerance)
         seconds = float(np.nanmax(_TIMES * watch.away / pace, initial=0.0)) + _GRACE
         part.board.set_reference_speeds(pace, going)
-        part.board.position_move(wanted, going)
+        part.command_move(wanted, going)
         try:
             yield from until(part.clock, watch.over, seconds)
             unseen = watch.unseen(_UNSEEN)

@@ -204,7 +204,7 @@ class Part:
         # speed that rest takes milliseconds, and a board that goes on with its acceleration would oscillate.
         paces = np.where(way <= tolerance, np.minimum(speeds, np.maximum(_SLOWEST, way / _NEAR_TIME)), speeds)
         self.board.set_reference_speeds(paces[going], held)
-        self.board.position_move(goal[going], held)
+        self.command_move(goal[going], held, speeds=paces[going])
         if (paces != speeds)[going].any():  # later commands of the test rely on the speed it asked for
             self.board.set_reference_speeds(speeds[going], held)
 
@@ -215,6 +215,19 @@ class Part:
 
         reached = yield from until(self.clock, arrived, timeout)
         return Arrival(reached, here, self.clock.now() - begin, tolerance)
+
+    def command_move(
+        self, targets: Sequence[float] | FloatArray, joints: Sequence[int] | None, *, speeds: FloatArray | None = None
+    ) -> None:
+        """Command a move in position mode, once the guard has checked it; None: of all joints, in one request.
+
+        ``speeds`` are those that were set, by default those that the board reports. Raises RefusedMoveError.
+        """
+        if self.guard is not None and self.guard.checks_moves:
+            known = self.board.reference_speeds(joints) if speeds is None else speeds
+            chosen = range(self.axes) if joints is None else joints
+            self.guard.check_move(np.asarray(targets, dtype=np.float64), chosen, known)
+        self.board.position_move(targets, joints)
 
     def _need_guard(self, what: str) -> None:
         if self.guard is None:

@@ -97,6 +97,8 @@ def test_the_description_says_what_the_file_does_not(folder: Path):
         (HEAD + JOINTS + "[sensors.force_torque]\nf = { link = 'fore', port = 'p', parts = ['leg'] }\n", 14, "'leg'"),
         (HEAD + JOINTS + "[sensors.battery]\ncapacity = 9\nfull = 30\nempty = 42\nmax_current = 9\n", 16, "less than"),
         (HEAD + JOINTS + "[sensors.battery]\ncapacity = 9\nfull = 42\nempty = 30\n", 13, "max_current"),
+        (HEAD + JOINTS + "[guard]\npeak_time = 0.3\nbreakaway = 2.0\n", 15, "guard.breakaway"),
+        (HEAD + JOINTS + "[guard]\nstalled_time = 0\n", 14, "guard.stalled_time"),
         (HEAD + "[parts.'an arm'.joints]\nshoulder = {}\n", 10, "parts"),
     ],
 )

@@ -22,12 +22,14 @@ from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.port import Port
 from rtf.middleware.types import VECTOR
 from rtf.robot.client.boards import connect
+from rtf.robot.control_modes import ControlMode
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.server.control_board import ControlBoardServer
 from rtf.robot.server.outlets import PipelinedOutlets
 from rtf.robot_testing.guard.contacts import ContactWatch, Forces, NoForcesError, force_port
 from rtf.robot_testing.guard.limits import GuardError, Limits
 from rtf.robot_testing.guard.motion_guard import MotionGuard
+from rtf.robot_testing.guard.reactions import BACK
 from rtf.robot_testing.motion.part import Part
 from rtf.simulator.robot import SimulatedRobot
 from rtf.testing.events import SeriesRecorded
@@ -36,7 +38,7 @@ from rtf.testing.verdict import Verdict
 from ...robot.sensor_bench import ManualClock  # noqa: TID252 - a neighbour among the tests
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from rtf.robot.extended_state import ExtendedState
     from rtf.robot.interfaces import AxisSelection
@@ -56,13 +58,14 @@ class FastBoard(FakeBoard):
 
     def __init__(self, name: str, *, network: Network) -> None:
         super().__init__(name, network=network)
-        self.stopped: list[AxisSelection] = []
+        self.released: list[AxisSelection] = []
         self._random = np.random.default_rng(1)
 
-    def stop(self, joints: AxisSelection = None) -> None:
-        """See IPositionControl."""
-        self.stopped.append(joints)
-        super().stop(joints)
+    def set_control_modes(self, modes: ControlMode | Sequence[ControlMode], joints: AxisSelection = None) -> None:
+        """See IControlMode."""
+        if list(np.atleast_1d(modes)) == [ControlMode.IDLE] * 2:
+            self.released.append(joints)
+        super().set_control_modes(modes, joints)
 
     def fill_state(self, state: ExtendedState) -> float:
         """See IStateSource."""
@@ -142,10 +145,10 @@ def limb() -> Iterator[Limb]:
 
 
 def test_a_sudden_force_stops_all_joints(limb: Limb):
-    """The message has joint, part, sensor, force and limit; the named joint is the fastest."""
+    """The message has joint, part, sensor, force and limit; the named joint is the fastest. It goes back."""
     limb.board.set_reference_speeds([20.0, 20.0], [0, 2])
     limb.board.position_move([50.0, 90.0], [0, 2])
-    limb.step(steps=30)
+    limb.step(steps=120)
     with pytest.raises(
         GuardError,
         match=r"joint\d \(/fake/left_arm joint \d\) is in contact with an obstacle; "
@@ -154,7 +157,9 @@ def test_a_sudden_force_stops_all_joints(limb: Limb):
     ) as caught:
         limb.step((60.0, 0.0, 20.0), steps=20)
     assert caught.value.joint in (0, 2)
-    assert limb.device.motion_done()
+    touched = limb.board.encoders()
+    limb.step(steps=80)
+    assert touched[[0, 2]] - limb.board.encoders()[[0, 2]] == pytest.approx([BACK, BACK], abs=0.01)
 
 
 def test_a_force_on_a_resting_part_has_two_possible_causes(limb: Limb):
@@ -253,7 +258,7 @@ def test_excluded_joints_are_not_stopped(limb: Limb):
     limb.guard.exclude(1, "it does not obey")
     with pytest.raises(GuardError):
         limb.step((60.0, 0.0, 20.0), steps=20)
-    assert limb.device.stopped == [[0, 2]]
+    assert limb.device.released == [[0, 2]]
 
 
 def test_without_a_limit_no_contact_is_detected(limb: Limb):

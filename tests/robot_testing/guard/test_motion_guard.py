@@ -15,7 +15,7 @@ from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
 from rtf.robot.client.boards import connect
 from rtf.robot.client.control_board import RemoteControlBoard
-from rtf.robot.control_modes import ControlMode
+from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.errors import NoAnswerError, NotSupportedError, RefusedError, RobotError, StaleStateError
 from rtf.robot.extended_state import Field
@@ -222,6 +222,39 @@ def test_without_a_useful_speed_limit_the_commanded_speed_counts(bench: Bench):
     guard.watch()
     bench.measure("joint_velocities", 1, 121.0)
     with pytest.raises(GuardError, match=r"joint1 .* turns at 121 deg/s, too fast: more than 120 deg/s"):
+        guard.watch()
+
+
+def test_a_joint_on_a_slow_trajectory_is_fast_for_a_moment_only(bench: Bench):
+    """Half the usual limit for a tenth of a second; a compliant joint, or one that a test drives, may be for longer."""
+    bench.device.set_velocity_limits(1, 0.0, 1000.0)
+    guard = bench.guard()
+    bench.board.set_reference_speeds([20.0], [1])
+    for speed, steps in ((61.0, 9), (59.0, 1), (61.0, 9), (0.0, 1)):
+        bench.measure("joint_velocities", 1, speed)
+        for _ in range(steps):
+            guard.watch()
+            bench.time.sleep(0.01)
+            bench.publish()
+    bench.measure("joint_velocities", 1, 61.0)
+    for mode, interaction in (
+        (ControlMode.PWM, InteractionMode.STIFF),
+        (ControlMode.POSITION, InteractionMode.COMPLIANT),
+    ):
+        bench.board.set_control_modes(mode, 1)
+        bench.board.set_interaction_modes(interaction, 1)
+        for _ in range(15):
+            bench.time.sleep(0.01)
+            bench.publish()
+            guard.watch()
+    bench.board.set_interaction_modes(InteractionMode.STIFF, 1)
+    bench.publish()
+    guard.watch()
+    bench.time.sleep(0.11)
+    bench.publish()
+    with pytest.raises(
+        GuardError, match=r"has turned at 61 deg/s for 0.1 s, too fast for its commanded 20 deg/s: .* 60"
+    ):
         guard.watch()
 
 
@@ -582,7 +615,7 @@ def test_joints_are_stopped_if_it_is_unknown_whether_they_move(bench: Bench, mon
     bench.device.set_control_modes(ControlMode.TORQUE, 1)
     bench.publish()
 
-    def lost(joint: int) -> bool:
+    def lost(joint: int | None = None) -> bool:
         raise NoAnswerError(f"no answer about joint {joint}")
 
     monkeypatch.setattr(bench.board, "motion_done", lost)
