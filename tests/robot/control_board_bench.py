@@ -15,12 +15,12 @@ from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.remote import connect
 from rtf.middleware.types import VECTOR
 from rtf.middleware.wire.contact import Contact
+from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import IAxisInfo, IRemoteCalibrator, JointType
-from rtf.robot.server.control_board import ControlBoardServer
-from rtf.robot.server.outlets import Outlets, PipelinedOutlets
-from rtf.robot.vocabulary import COMMANDS, TOPICS
+from rtf.robot.network.outlets import Outlets, PipelinedOutlets
+from rtf.robot.yarp3.table import COMMANDS, TOPICS
 
 
 class CalibratedBoard(FakeBoard, IRemoteCalibrator):

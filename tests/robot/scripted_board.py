@@ -10,9 +10,9 @@ from rtf.bottle import Bottle, Property
 from rtf.middleware.ports.buffered import BufferedPort
 from rtf.middleware.ports.rpc import RpcServer
 from rtf.middleware.types import Stamp
-from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.extended_state import EXTENDED_STATE, ExtendedState
-from rtf.robot.vocabulary import COMMAND
+from rtf.robot.network.streamed_commands import COMMAND
+from rtf.robot.yarp3.client import RemoteControlBoard
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from rtf.bottle import Property
 from rtf.middleware.ports.network import Network
+from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot.devices.fake_board import FakeBoard
-from rtf.robot.server.control_board import ControlBoardServer
-from rtf.robot.server.outlets import PipelinedOutlets
+from rtf.robot.network.outlets import PipelinedOutlets
 
 from .sensor_bench import ManualClock
 

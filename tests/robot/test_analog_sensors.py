@@ -19,14 +19,18 @@ from rtf.middleware.ports.port import Port
 from rtf.middleware.ports.rpc import RpcClient, RpcServer
 from rtf.middleware.types import Stamp, call
 from rtf.middleware.types.codecs import RAW
-from rtf.robot.battery import FakeBattery
-from rtf.robot.client.analog_sensors import AnalogSensorsClient, read_metadata
 from rtf.robot.devices.analog_sensors_remapper import CATEGORY_TAGS, AnalogSensorsRemapper
 from rtf.robot.devices.fake_sensors import FakeImu
 from rtf.robot.errors import ConfigurationError, DeviceError, NoAnswerError, RefusedError, StaleStateError
 from rtf.robot.interfaces import SensorCategory, SensorInfo, SensorReading, SensorStatus
-from rtf.robot.sensor_message import SENSOR_MESSAGE
-from rtf.robot.server.analog_sensors import AnalogSensorsDevice, AnalogSensorsServer
+from rtf.robot.sensors.analog_sensors import (
+    AnalogSensorsClient,
+    AnalogSensorsDevice,
+    AnalogSensorsServer,
+    read_metadata,
+)
+from rtf.robot.sensors.battery import FakeBattery
+from rtf.robot.sensors.sensor_message import SENSOR_MESSAGE
 from waiting import eventually
 
 from .sensor_bench import ManualClock, ScriptedSensors, connect

@@ -13,7 +13,11 @@ from rtf.bottle.binary import encode
 from rtf.middleware.ports.rpc import RpcClient
 from rtf.middleware.types import call
 from rtf.middleware.types.codecs import RAW
-from rtf.robot.battery import (
+from rtf.robot.device import make_device
+from rtf.robot.devices.fake_sensors import FakeImu
+from rtf.robot.errors import ConfigurationError, DeviceError, NotSupportedError, RefusedError, StaleStateError
+from rtf.robot.interfaces import BatteryStatus, IBattery
+from rtf.robot.sensors.battery import (
     BATTERY_READING,
     BatteryClient,
     BatteryReading,
@@ -22,10 +26,6 @@ from rtf.robot.battery import (
     FakeBattery,
     status_of,
 )
-from rtf.robot.device import make_device
-from rtf.robot.devices.fake_sensors import FakeImu
-from rtf.robot.errors import ConfigurationError, DeviceError, NotSupportedError, RefusedError, StaleStateError
-from rtf.robot.interfaces import BatteryStatus, IBattery
 from waiting import eventually
 
 if TYPE_CHECKING:

@@ -10,27 +10,26 @@ import pytest
 from rtf.bottle import Dialect, Property
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
-from rtf.robot.client.boards import connect, version_of
-from rtf.robot.client.control_board import RemoteControlBoard
-from rtf.robot.client.control_board_service import ControlBoardServiceClient
-from rtf.robot.client.remapper import RemoteControlBoardRemapper
+from rtf.robot.boards.client import connect, version_of
+from rtf.robot.boards.remapper import RemoteControlBoardRemapper
+from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.errors import DeviceError
-from rtf.robot.server.control_board import ControlBoardServer
-from rtf.robot.server.control_board_service import ControlBoardServiceServer
+from rtf.robot.yarp3.client import RemoteControlBoard
+from rtf.robot.yarp4.client import ControlBoardServiceClient
 from rtf.robot_testing.guard.read_only_board import UndeclaredMotionError, connect_read_only
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rtf.robot.client.boards import RemoteBoard
+    from rtf.robot.boards.client import RemoteBoard
 
 
 class Serve(Protocol):
-    """What the fixture gives."""
+    """The type of the fixture."""
 
-    def __call__(self, name: str, dialect: Dialect, *, both: bool = False) -> None:
-        """Serve a board by a protocol, or by both."""
+    def __call__(self, name: str, *protocols: Dialect) -> None:
+        """Serve a board by these protocols."""
         ...
 
 
@@ -45,14 +44,11 @@ def serve(network: Network) -> Iterator[Serve]:
     """Serves a board of two joints by a protocol: ``serve(name, Dialect.YARP4)``."""
     with ExitStack() as stack:
 
-        def served(name: str, dialect: Dialect, *, both: bool = False) -> None:
+        def served(name: str, *protocols: Dialect) -> None:
             board, axis = FakeBoard(name), name.strip("/")
             board.open(Property.parse(f"(GENERAL (Joints 2) (AxisName ({axis}_a {axis}_b)))"))
             stack.callback(board.close)
-            if dialect is Dialect.YARP3:
-                stack.callback(ControlBoardServer(board, name, network=network).close)
-            else:
-                stack.callback(ControlBoardServiceServer(board, name, network=network, requests=both).close)
+            stack.callback(ControlBoardServer(board, name, network=network, protocols=protocols).close)
 
         yield served
 
@@ -75,7 +71,7 @@ def test_a_board_with_both_protocols_is_used_in_the_dialect_of_the_network(
     network: Network, serve: Serve, dialect: Dialect
 ):
     """So a run with ``--dialect 4`` tests its service."""
-    serve("/bot", Dialect.YARP4, both=True)
+    serve("/bot", *Dialect)
     network.dialect = dialect
     assert version_of("/bot", network) is dialect
 

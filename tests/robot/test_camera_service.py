@@ -19,17 +19,13 @@ from rtf.middleware.ports.rpc import RpcClient, RpcServer
 from rtf.middleware.types import call
 from rtf.middleware.types.codecs import codec_of
 from rtf.middleware.types.service import answer as answered
-from rtf.robot.camera_messages import BY_NAME, MESSAGES
-from rtf.robot.client.camera_functions import CameraFunctions
-from rtf.robot.client.camera_words import CameraWords
-from rtf.robot.client.frame_grabber import FrameGrabberClient
 from rtf.robot.devices.fake_camera import FakeFrameGrabber
 from rtf.robot.errors import DeviceError, NoAnswerError, NotSupportedError, RefusedError
 from rtf.robot.interfaces import CameraFeature
-from rtf.robot.return_value import ReturnValue
-from rtf.robot.server.camera_service import CameraService
-from rtf.robot.server.frame_grabber import FrameGrabberServer
-from rtf.robot.service_kinds import read_all, write_all
+from rtf.robot.sensors.camera import FrameGrabberClient, FrameGrabberServer
+from rtf.robot.yarp3.camera import CameraWords
+from rtf.robot.yarp4.camera import BY_NAME, MESSAGES, CameraFunctions, CameraService
+from rtf.robot.yarp4.values import ReturnValue, read_all, write_all
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import IFrameGrabberControls
@@ -197,13 +193,13 @@ def open_client(network: Network) -> FrameGrabberClient:
 
 
 @pytest.mark.parametrize("set_to", [None, *Dialect])
-@pytest.mark.parametrize(("service", "kind"), [(False, CameraWords), (True, CameraFunctions)])
-def test_the_answer_of_the_server_chooses(network: Network, set_to: Dialect | None, service: bool, kind: type):
+@pytest.mark.parametrize(("protocol", "kind"), [(Dialect.YARP3, CameraWords), (Dialect.YARP4, CameraFunctions)])
+def test_the_answer_of_the_server_chooses(network: Network, set_to: Dialect | None, protocol: Dialect, kind: type):
     """Words or functions, and numbers arrive unchanged, whatever the dialect of the client's network."""
     mine = network if set_to is None else network.in_dialect(set_to)
-    theirs = network.in_dialect(Dialect.YARP4) if set_to is None and service else mine
+    theirs = network.in_dialect(Dialect.YARP4) if set_to is None and protocol is Dialect.YARP4 else mine
     with (
-        closing(FrameGrabberServer(make_camera(), "/cam", network=theirs, period=0.05, service=service)),
+        closing(FrameGrabberServer(make_camera(), "/cam", network=theirs, period=0.05, protocol=protocol)),
         closing(open_client(mine)) as client,
     ):
         assert type(client._requests) is kind

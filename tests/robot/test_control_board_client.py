@@ -14,8 +14,7 @@ from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.port import Port
 from rtf.middleware.ports.qos import Qos
 from rtf.middleware.wire.contact import Contact
-from rtf.robot.client.boards import connect
-from rtf.robot.client.control_board import RemoteControlBoard
+from rtf.robot.boards.client import connect
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.device import make_device
 from rtf.robot.errors import (
@@ -27,6 +26,7 @@ from rtf.robot.errors import (
     StaleStateError,
 )
 from rtf.robot.extended_state import Field
+from rtf.robot.yarp3.client import RemoteControlBoard
 from waiting import eventually
 
 from .scripted_board import ScriptedBoard, client_of, names, raises
@@ -219,10 +219,10 @@ def test_all_three_connections_are_needed(network: Network, missing: str):
 
 
 def test_a_board_without_joints_is_none(network: Network):
-    """What says that it has no joints cannot be opened."""
+    """A board with no joints cannot be opened."""
     with (
         ScriptedBoard("/board", network, axes=0),
-        pytest.raises(DeviceError, match=r"^/board cannot be opened: /board does not answer with a number of joints"),
+        pytest.raises(DeviceError, match=r"^/board cannot be opened: /board says that it has 0 joints"),
     ):
         connect("/board", network=network)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf.middleware.ports.network import Network
-from rtf.robot.client.boards import connect
+from rtf.robot.boards.client import connect
 from waiting import eventually
 
 from .contract import ControlBoardContract
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from rtf.bottle import Value
-    from rtf.robot.client.control_board import RemoteControlBoard
+    from rtf.robot.boards.server import ControlBoardServer
     from rtf.robot.device import Device
     from rtf.robot.interfaces import FloatArray
-    from rtf.robot.server.control_board import ControlBoardServer
+    from rtf.robot.yarp3.client import RemoteControlBoard
 
     from .served_board import CountingBoard
 

@@ -14,7 +14,7 @@ import pytest
 from rtf.middleware.naming.client import RemoteNames
 from rtf.middleware.naming.server import NameServer
 from rtf.middleware.ports.network import Network
-from rtf.robot.client.boards import connect
+from rtf.robot.boards.client import connect
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.errors import (
     NoAnswerError,
@@ -38,7 +38,7 @@ from rtf.middleware.wire.contact import Contact
 from rtf.middleware.naming.client import RemoteNames
 from rtf.middleware.ports.network import Network
 from rtf.robot.devices.fake_board import FakeBoard
-from rtf.robot.server.control_board import ControlBoardServer
+from rtf.robot.boards.server import ControlBoardServer
 
 def serve(root):
     network = Network(RemoteNames(Contact("/root", "127.0.0.1", root, "tcp")))

@@ -14,12 +14,12 @@ from rtf.bottle import Bottle, Dialect, Property, Vocab
 from rtf.bottle.binary import decode_from
 from rtf.middleware.ports.buffered import BufferedPort
 from rtf.middleware.types.codecs import TextCodec
-from rtf.robot.client.control_board import RemoteControlBoard
-from rtf.robot.client.state_reader import StateReader
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import Pid, PidType
-from rtf.robot.vocabulary import COMMAND
+from rtf.robot.network.state_reader import StateReader
+from rtf.robot.network.streamed_commands import COMMAND
+from rtf.robot.yarp3.client import RemoteControlBoard
 from waiting import eventually
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ import pytest
 
 from rtf.bottle import Bottle, Dialect, Int64, Value, Vocab
 from rtf.bottle.binary import decode, encode
-from rtf.robot.client.board_requests import CALIBRATION_DONE, GETTING, PROTOCOL, REQUEST, SETTING, Request
-from rtf.robot.vocabulary import FAIL, GET, IS, NAK, OK, PROTOCOL_VERSION, SET, STAMP
+from rtf.robot.yarp3.requests import CALIBRATION_DONE, GETTING, PROTOCOL, REQUEST, SETTING, Request
+from rtf.robot.yarp3.table import FAIL, GET, IS, NAK, OK, PROTOCOL_VERSION, SET, STAMP
 
 QUESTIONS = [
     PROTOCOL,

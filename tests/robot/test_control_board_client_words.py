@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 
 from rtf.bottle import Bottle, Vocab
 from rtf.middleware.ports.network import Network
-from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.errors import (
     RefusedError,
     RobotError,
 )
 from rtf.robot.interfaces import CalibrationParameters, MotorTorqueParameters, Pid, PidType
+from rtf.robot.yarp3.client import RemoteControlBoard
 
 from .scripted_board import ScriptedBoard, client_of
 

@@ -14,9 +14,9 @@ from rtf.bottle.binary import encode
 from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.port import Port
 from rtf.middleware.types.codecs import RAW
+from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot.control_modes import ControlMode
-from rtf.robot.server.control_board import ControlBoardServer
-from rtf.robot.vocabulary import STREAMED
+from rtf.robot.network.streamed_commands import STREAMED
 from waiting import eventually
 
 from .control_board_bench import QUESTIONS, CalibratedBoard, command

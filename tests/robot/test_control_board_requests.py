@@ -17,9 +17,9 @@ from rtf.bottle.binary import encode
 from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.rpc import RpcClient
 from rtf.middleware.types.codecs import RAW
-from rtf.robot.server.control_board import ControlBoardServer
-from rtf.robot.server.control_board_requests import ControlBoardRequests
-from rtf.robot.vocabulary import COMMANDS, TOPICS
+from rtf.robot.boards.server import ControlBoardServer
+from rtf.robot.yarp3.server import ControlBoardRequests
+from rtf.robot.yarp3.table import COMMANDS, TOPICS
 
 from .control_board_bench import QUESTIONS, Axes, CalibratedBoard
 from .sensor_bench import ManualClock

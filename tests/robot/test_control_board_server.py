@@ -18,13 +18,13 @@ from rtf.middleware.ports.rpc import RpcClient
 from rtf.middleware.types import VECTOR, Stamp
 from rtf.middleware.wire.contact import Contact
 from rtf.middleware.wire.incoming_message import IncomingMessage
+from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.device import find_device, make_device
 from rtf.robot.errors import ConfigurationError, DeviceError, NotSupportedError
 from rtf.robot.extended_state import EXTENDED_STATE, Field
 from rtf.robot.interfaces import IEncoders, IPositionControl
-from rtf.robot.server.control_board import ControlBoardServer
-from rtf.robot.server.outlets import BackgroundOutlets
+from rtf.robot.network.outlets import BackgroundOutlets
 from waiting import eventually
 
 from .control_board_bench import Axes, CalibratedBoard, reading, serving

@@ -17,12 +17,12 @@ from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.port import Port
 from rtf.middleware.types.codecs import RAW
 from rtf.middleware.wire import framing
+from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.extended_state import EXTENDED_STATE, ExtendedState
 from rtf.robot.interfaces import Pid, PidType
-from rtf.robot.server.control_board import ControlBoardServer
-from rtf.robot.vocabulary import COMMAND
+from rtf.robot.network.streamed_commands import COMMAND
 
 CLIENTS = recordings("3.12.3", "board_clients.json")
 #: The conversations with a board; those with other devices follow.

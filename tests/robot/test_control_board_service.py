@@ -23,11 +23,7 @@ from rtf.middleware.ports.rpc import RpcClient, RpcServer
 from rtf.middleware.types import ProtocolVersion, Record, call
 from rtf.middleware.types.codecs import codec_of
 from rtf.middleware.wire import framing
-from rtf.robot import service_kinds as kinds
-from rtf.robot.client.control_board import RemoteControlBoard
-from rtf.robot.client.control_board_service import ControlBoardServiceClient
-from rtf.robot.client.service_rpc import ServiceRpc
-from rtf.robot.control_board_messages import BY_NAME, INTERFACES, MESSAGES
+from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.errors import (
@@ -48,13 +44,16 @@ from rtf.robot.interfaces import (
     Pid,
     PidType,
 )
+from rtf.robot.network.outlets import PipelinedOutlets
 from rtf.robot.periodic_thread import PeriodicThread
-from rtf.robot.return_value import RETURN_VALUE, ReturnValue
-from rtf.robot.server.board_service import BoardService
-from rtf.robot.server.control_board_service import ControlBoardServiceServer
-from rtf.robot.server.outlets import PipelinedOutlets
-from rtf.robot.service_kinds import Kind, read_all, write_all
-from rtf.robot.service_rows import Message
+from rtf.robot.yarp3.client import RemoteControlBoard
+from rtf.robot.yarp4 import values as kinds
+from rtf.robot.yarp4.client import ControlBoardServiceClient
+from rtf.robot.yarp4.functions import Message
+from rtf.robot.yarp4.rpc import ServiceRpc
+from rtf.robot.yarp4.server import BoardService
+from rtf.robot.yarp4.table import BY_NAME, INTERFACES, MESSAGES
+from rtf.robot.yarp4.values import RETURN_VALUE, Kind, ReturnValue, read_all, write_all
 from waiting import eventually
 
 from .contract import ControlBoardContract
@@ -96,7 +95,7 @@ class Link(NamedTuple):
 
     time: ManualClock
     board: FakeBoard
-    server: ControlBoardServiceServer
+    server: ControlBoardServer
     client: ControlBoardServiceClient
 
 
@@ -105,7 +104,9 @@ def link(shared_time: ManualClock, shared_network: Network) -> Iterator[Link]:
     """One for all tests."""
     board, outlets = opened(), PipelinedOutlets(shared_network.in_dialect(Dialect.YARP4))
     with (
-        closing(ControlBoardServiceServer(board, PART, network=shared_network, outlets=outlets)) as server,
+        closing(
+            ControlBoardServer(board, PART, network=shared_network, outlets=outlets, protocols=[Dialect.YARP4])
+        ) as server,
         closing(connected(shared_network)) as client,
     ):
         yield Link(shared_time, board, server, client)
@@ -144,7 +145,7 @@ def test_recorded_questions_are_answered_as_recorded(network: Network):
     """A tool that asks a board of YARP 4.0 hears every byte from ours that it heard from the real one."""
     talks = of_the_board()
     assert len(talks) > 10
-    with closing(ControlBoardServiceServer(opened(16), PART, network=network)):
+    with closing(ControlBoardServer(opened(16), PART, network=network, protocols=[Dialect.YARP4])):
         contact = network.names.query(f"{PART}/nws/rpc:i")
         assert contact is not None
         for talk in map(segments, talks):
@@ -473,9 +474,10 @@ def test_any_answer_is_a_result_or_an_error_of_robots(network: Network, answer: 
 
 
 @contextmanager
-def publishing(network: Network, device: Device, *, requests: bool = False) -> Iterator[ControlBoardServiceServer]:
+def publishing(network: Network, device: Device, *protocols: Dialect) -> Iterator[ControlBoardServer]:
     """A served board whose state is published again and again, in a block."""
-    with closing(ControlBoardServiceServer(device, PART, network=network, period=0.005, requests=requests)) as server:
+    protocols = protocols or (Dialect.YARP4,)
+    with closing(ControlBoardServer(device, PART, network=network, period=0.005, protocols=protocols)) as server:
         thread = PeriodicThread(server, name=PART, report=network.report)
         try:
             yield server
@@ -489,7 +491,7 @@ def test_both_styles_of_clients_are_served_at_once(network: Network, dialect: Di
     network.dialect = dialect
     board = opened()
     with (
-        publishing(network, board, requests=True),
+        publishing(network, board, Dialect.YARP3, Dialect.YARP4),
         closing(connected(network)) as four,
         closing(RemoteControlBoard("three", network=network)) as three,
     ):
@@ -566,7 +568,7 @@ def test_a_client_that_is_not_open():
 def test_a_device_without_axes_is_not_served(network: Network):
     """It is no board."""
     with pytest.raises(NotSupportedError, match="IAxisInfo"):
-        ControlBoardServiceServer(object(), PART, network=network)
+        ControlBoardServer(object(), PART, network=network)
 
 
 def test_variables_travel(network: Network):

@@ -20,7 +20,6 @@ from rtf.middleware.ports.port import Port
 from rtf.middleware.ports.rpc import RpcClient, RpcServer
 from rtf.middleware.types import IMAGE, Image, Stamp
 from rtf.middleware.types.codecs import RAW
-from rtf.robot.client.frame_grabber import FrameGrabberClient
 from rtf.robot.devices.fake_camera import FakeFrameGrabber
 from rtf.robot.errors import (
     ConfigurationError,
@@ -31,9 +30,9 @@ from rtf.robot.errors import (
     StaleStateError,
 )
 from rtf.robot.interfaces import CameraFeature, IFrameGrabber, IFrameGrabberControls
-from rtf.robot.server.camera_vocabulary import CameraResponder
-from rtf.robot.server.error_replies import with_error_replies
-from rtf.robot.server.frame_grabber import FrameGrabberDevice, FrameGrabberServer
+from rtf.robot.network.stream_server import with_error_replies
+from rtf.robot.sensors.camera import FrameGrabberClient, FrameGrabberDevice, FrameGrabberServer
+from rtf.robot.yarp3.camera import CameraResponder
 from waiting import eventually
 
 from .camera_contract import FrameGrabberContract

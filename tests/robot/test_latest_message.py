@@ -13,8 +13,8 @@ from rtf.bottle import Bottle
 from rtf.middleware.ports.port import Port
 from rtf.middleware.types import VECTOR
 from rtf.middleware.types.vector import VectorCodec
-from rtf.robot.client.latest_message import LatestMessage
 from rtf.robot.errors import StaleStateError
+from rtf.robot.network.latest_message import LatestMessage
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -12,10 +12,10 @@ from rtf.middleware.ports.buffered import BufferedPort
 from rtf.middleware.types import VECTOR
 from rtf.robot.errors import DeviceError
 from rtf.robot.interfaces import SensorCategory, SensorReading, SensorStatus
-from rtf.robot.measurements import DeviceMeasurements, IMeasurementsSource, not_well
-from rtf.robot.sensor_message import SENSOR_MESSAGE, Measurements
-from rtf.robot.server.analog_sensors import AnalogSensorsServer
-from rtf.robot.server.inertial import InertialServer
+from rtf.robot.sensors.analog_sensors import AnalogSensorsServer
+from rtf.robot.sensors.inertial import InertialServer
+from rtf.robot.sensors.measurements import DeviceMeasurements, IMeasurementsSource, not_well
+from rtf.robot.sensors.sensor_message import SENSOR_MESSAGE, Measurements
 
 from .sensor_bench import ScriptedSensors, connect
 

@@ -12,8 +12,8 @@ from rtf.bottle import Property
 from rtf.middleware.ports.buffered import BufferedPort
 from rtf.middleware.ports.remote import connect
 from rtf.middleware.wire.contact import Contact
-from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.extended_state import EXTENDED_STATE, ExtendedState
+from rtf.robot.yarp3.client import RemoteControlBoard
 from waiting import eventually
 
 from .served_board import fake_board, publish
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from rtf.middleware.ports.network import Network
-    from rtf.robot.server.control_board import ControlBoardServer
+    from rtf.robot.boards.server import ControlBoardServer
 
     from .sensor_bench import ManualClock
 

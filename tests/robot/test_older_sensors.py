@@ -18,13 +18,11 @@ from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.port import Port
 from rtf.middleware.ports.rpc import RpcClient, RpcServer
 from rtf.middleware.types import VECTOR, Stamp
-from rtf.robot.client.analog import AnalogClient
-from rtf.robot.client.inertial import InertialClient
 from rtf.robot.devices.fake_sensors import FakeAnalogSensor, FakeImu
 from rtf.robot.errors import ConfigurationError, DeviceError, NoAnswerError, RefusedError, RobotError, StaleStateError
 from rtf.robot.interfaces import SensorCategory, SensorReading, SensorStatus
-from rtf.robot.server.analog import AnalogDevice, AnalogServer, PortChannels
-from rtf.robot.server.inertial import InertialServer
+from rtf.robot.sensors.analog import AnalogClient, AnalogDevice, AnalogServer, PortChannels
+from rtf.robot.sensors.inertial import InertialClient, InertialServer
 from waiting import eventually
 
 from .sensor_bench import ManualClock, ScriptedSensors, connect

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from rtf.bottle import Bottle, Dialect, Property
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
-from rtf.robot.client.remapper import RemoteControlBoardRemapper
+from rtf.robot.boards.remapper import RemoteControlBoardRemapper
+from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.device import Device
 from rtf.robot.devices.fake_board import FakeBoard
@@ -30,9 +31,7 @@ from rtf.robot.interfaces import (
     Pid,
     PidType,
 )
-from rtf.robot.server.control_board import ControlBoardServer
-from rtf.robot.server.control_board_service import ControlBoardServiceServer
-from rtf.robot.server.outlets import PipelinedOutlets
+from rtf.robot.network.outlets import PipelinedOutlets
 
 from .contract import ControlBoardContract
 from .sensor_bench import ManualClock
@@ -100,11 +99,10 @@ def link(request: pytest.FixtureRequest, shared_time: ManualClock, shared_networ
     """Of an arm and a torso that are served; one for all tests."""
     network = copy.copy(shared_network)
     network.dialect = request.param
-    serve: Any = ControlBoardServer if request.param is Dialect.YARP3 else ControlBoardServiceServer
     with ExitStack() as stack:
         devices, outlets = boards(), PipelinedOutlets(network)
         servers = [
-            stack.enter_context(closing(serve(device, f"/r/{name}", network=network, outlets=outlets)))
+            stack.enter_context(closing(ControlBoardServer(device, f"/r/{name}", network=network, outlets=outlets)))
             for name, device in devices.items()
         ]
         remapper = stack.enter_context(closing(RemoteControlBoardRemapper("remote", network=network)))

@@ -15,15 +15,13 @@ from rtf.middleware.ports.rpc import RpcClient, RpcServer
 from rtf.middleware.types import IMAGE, Image, Stamp
 from rtf.middleware.types.codecs import RAW
 from rtf.middleware.wire import framing
-from rtf.robot.client.analog_sensors import AnalogSensorsClient
-from rtf.robot.client.frame_grabber import FrameGrabberClient
 from rtf.robot.devices.fake_camera import FakeFrameGrabber
 from rtf.robot.devices.fake_sensors import FakeImu
 from rtf.robot.interfaces import SensorCategory, SensorInfo
-from rtf.robot.sensor_message import SENSOR_MESSAGE
-from rtf.robot.server.analog_sensors import AnalogSensorsServer
-from rtf.robot.server.frame_grabber import FrameGrabberServer
-from rtf.robot.server.stamp_counter import StampCounter
+from rtf.robot.network.outlets import StampCounter
+from rtf.robot.sensors.analog_sensors import AnalogSensorsClient, AnalogSensorsServer
+from rtf.robot.sensors.camera import FrameGrabberClient, FrameGrabberServer
+from rtf.robot.sensors.sensor_message import SENSOR_MESSAGE
 from waiting import eventually
 
 from .sensor_bench import ScriptedSensors, connect

@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf.bottle import Property
-from rtf.robot.client.analog_sensors import AnalogSensorsClient
-from rtf.robot.client.inertial import InertialClient
 from rtf.robot.device import Device, make_device
 from rtf.robot.devices.analog_sensors_remapper import AnalogSensorsRemapper
 from rtf.robot.devices.fake_sensors import FakeImu
-from rtf.robot.server.analog_sensors import AnalogSensorsDevice
-from rtf.robot.server.inertial import InertialDevice
+from rtf.robot.sensors.analog_sensors import AnalogSensorsClient, AnalogSensorsDevice
+from rtf.robot.sensors.inertial import InertialClient, InertialDevice
 from waiting import eventually
 
 from .sensor_contract import MultipleAnalogSensorsContract, is_well

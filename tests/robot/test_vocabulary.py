@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 
 from rtf.bottle import Bottle, Vocab
 from rtf.bottle.binary import decode, encode
-from rtf.robot import vocabulary_kinds as kinds
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import CalibrationParameters, JointType, MotorTorqueParameters, Pid, PidType
-from rtf.robot.vocabulary import COMMANDS, FAMILIES, STREAMED, TOPICS
+from rtf.robot.network.streamed_commands import STREAMED
+from rtf.robot.yarp3 import values as kinds
+from rtf.robot.yarp3.table import COMMANDS, FAMILIES, TOPICS
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 WHOLE = st.integers(-(2**31), 2**31 - 1)
