@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from rtf.bottle import Property
     from rtf.robot.interfaces import SensorCategory, SensorInfo, SensorReading, SensorStatus
-    from rtf.robot.sensors.sensor_message import Measurements
+    from rtf.robot.sensors.measurements import Measurements
     from rtf.simulator.simulation import Simulation
 
 S = TypeVar("S", SimulatedForceTorques, SimulatedImu)

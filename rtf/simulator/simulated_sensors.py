@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from rtf.bottle import Property
     from rtf.robot.interfaces import FloatArray
-    from rtf.robot.sensors.sensor_message import Measurements
+    from rtf.robot.sensors.measurements import Measurements
     from rtf.simulator.model_sensors import FtSensor, ImuSensor
     from rtf.simulator.simulation import Simulation
 

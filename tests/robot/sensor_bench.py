@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rtf.middleware.ports.network import Network
-    from rtf.robot.sensors.sensor_message import Measurements
+    from rtf.robot.sensors.measurements import Measurements
 
 
 def connect(network: Network, source: str, target: str) -> None:

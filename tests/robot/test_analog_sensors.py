@@ -30,7 +30,7 @@ from rtf.robot.sensors.analog_sensors import (
     read_metadata,
 )
 from rtf.robot.sensors.battery import FakeBattery
-from rtf.robot.sensors.sensor_message import SENSOR_MESSAGE
+from rtf.robot.sensors.measurements import SENSOR_MESSAGE
 from waiting import eventually
 
 from .sensor_bench import ManualClock, ScriptedSensors, connect

@@ -14,8 +14,13 @@ from rtf.robot.errors import DeviceError
 from rtf.robot.interfaces import SensorCategory, SensorReading, SensorStatus
 from rtf.robot.sensors.analog_sensors import AnalogSensorsServer
 from rtf.robot.sensors.inertial import InertialServer
-from rtf.robot.sensors.measurements import DeviceMeasurements, IMeasurementsSource, not_well
-from rtf.robot.sensors.sensor_message import SENSOR_MESSAGE, Measurements
+from rtf.robot.sensors.measurements import (
+    SENSOR_MESSAGE,
+    DeviceMeasurements,
+    IMeasurementsSource,
+    Measurements,
+    not_well,
+)
 
 from .sensor_bench import ScriptedSensors, connect
 

@@ -15,7 +15,7 @@ from rtf.bottle import Bottle, BottleError, Dialect
 from rtf.bottle.binary import TruncatedBottleError, encode
 from rtf.errors import RtfError
 from rtf.robot.interfaces import SensorReading
-from rtf.robot.sensors.sensor_message import MAX_SENSORS, SENSOR_MESSAGE, Measurements
+from rtf.robot.sensors.measurements import MAX_SENSORS, SENSOR_MESSAGE, Measurements
 
 THREE, FOUR = Dialect.YARP3, Dialect.YARP4
 

@@ -21,7 +21,7 @@ from rtf.robot.interfaces import SensorCategory, SensorInfo
 from rtf.robot.network.outlets import StampCounter
 from rtf.robot.sensors.analog_sensors import AnalogSensorsClient, AnalogSensorsServer
 from rtf.robot.sensors.camera import FrameGrabberClient, FrameGrabberServer
-from rtf.robot.sensors.sensor_message import SENSOR_MESSAGE
+from rtf.robot.sensors.measurements import SENSOR_MESSAGE
 from waiting import eventually
 
 from .sensor_bench import ScriptedSensors, connect

@@ -15,7 +15,7 @@ from rtf.robot.sensors.measurements import DeviceMeasurements
 from rtf.simulator.angle_sensors import SimulatedAngles
 
 if TYPE_CHECKING:
-    from rtf.robot.sensors.sensor_message import Measurements
+    from rtf.robot.sensors.measurements import Measurements
     from rtf.simulator.simulated_sensors import SimulatedForceTorque
 
     from .rig import Rig

@@ -11,7 +11,7 @@ from rtf.robot.extended_state import EXTENDED_STATE, ExtendedState, Field, Inter
 from rtf.robot.network.outlets import BackgroundOutlets, StampCounter
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from rtf.middleware.ports.network import Network
     from rtf.middleware.ports.outputs import Output
@@ -25,8 +25,8 @@ class StateStreams:
 
     Messages are sent in the background, and a slow reader misses some, unless ``outlets`` opens other ports: those of
     :class:`~rtf.robot.network.outlets.PipelinedOutlets` send in the thread that publishes, and ``settle`` waits until
-    every reader that acknowledges has processed the message. ``report`` is called when the joints' times are too far
-    apart; then nothing is published.
+    every reader that acknowledges has processed the message. Nothing is published while the joints' times are too far
+    apart, which is reported.
     """
 
     def __init__(
@@ -37,10 +37,9 @@ class StateStreams:
         *,
         network: Network,
         outlets: Outlets | None = None,
-        report: Callable[[str], None] | None = None,
     ) -> None:
         self._source = device if isinstance(device, IStateSource) else InterfaceState(device)
-        self._report = report or network.report
+        self._report = network.report
         self._name = name
         self._state = ExtendedState(axes)
         self._stamps = StampCounter()

@@ -1,23 +1,60 @@
-"""Base class of sensor clients: the latest message of a stream, and perhaps requests."""
+"""Base class of sensor clients: the latest message of a stream, and perhaps a connection for requests."""
 
 from __future__ import annotations
 
+import threading
 from contextlib import ExitStack, closing
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
+from rtf.errors import RtfError
+from rtf.middleware.errors import MiddlewareError
+from rtf.middleware.ports.rpc import RpcClient
 from rtf.robot import parameters
 from rtf.robot.device import Device
-from rtf.robot.errors import DeviceError
+from rtf.robot.errors import DeviceError, NoAnswerError
 from rtf.robot.interfaces import SensorStatus
 from rtf.robot.network.client_settings import RPC_TIMEOUT, unique_local
 from rtf.robot.network.latest_message import LatestMessage
-from rtf.robot.network.rpc_connection import RpcConnection
 
 if TYPE_CHECKING:
-    from rtf.bottle import Property
+    from rtf.bottle import Bottle, Property
+    from rtf.middleware.ports.network import Network
     from rtf.middleware.types.codecs import Codec
 
 T = TypeVar("T")
+
+
+class RpcConnection:
+    """A client port of the RPC port ``server``, which reconnects after a lost connection.
+
+    ``patience`` is the timeout of a reply in seconds of real time. Raises DeviceError if there is no server.
+    """
+
+    def __init__(self, name: str, server: str, *, patience: float, network: Network) -> None:
+        self.server = server
+        self._patience = patience
+        self._lock = threading.Lock()
+        try:
+            self._client = RpcClient(name, server, network=network)
+        except MiddlewareError as error:
+            raise DeviceError(f"{name} cannot be connected to {server}: {error}; is its robot running?") from error
+
+    def ask(self, request: object) -> Bottle:
+        """Send a request and return the reply. Raises NoAnswerError if there is none, or an invalid one."""
+        try:
+            with self._lock:
+                if not self._client.outputs:
+                    self._client.add_output(self.server)
+            answer = self._client.call(request, timeout=self._patience)
+        except RtfError as error:
+            raise NoAnswerError(f"{self.server} does not answer: {error}") from error
+        if answer is None:
+            raise NoAnswerError(f"{self.server} gave no answer")
+        return answer
+
+    def close(self) -> None:
+        """Close the port."""
+        self._client.close()
 
 
 class StreamClient(Device, Generic[T]):

@@ -12,8 +12,13 @@ from rtf.robot.interfaces import IMultipleAnalogSensors, SensorCategory, SensorI
 from rtf.robot.network.publishing_device import PublishingDevice
 from rtf.robot.network.stream_client import StreamClient
 from rtf.robot.network.stream_server import StreamServer
-from rtf.robot.sensors.measurements import DeviceMeasurements, IMeasurementsSource
-from rtf.robot.sensors.sensor_message import MAX_SENSORS, SENSOR_MESSAGE, Measurements
+from rtf.robot.sensors.measurements import (
+    MAX_SENSORS,
+    SENSOR_MESSAGE,
+    DeviceMeasurements,
+    IMeasurementsSource,
+    Measurements,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,7 +28,7 @@ if TYPE_CHECKING:
     from rtf.robot.device import Device
     from rtf.robot.network.latest_message import LatestMessage
     from rtf.robot.network.outlets import Outlets
-    from rtf.robot.network.rpc_connection import RpcConnection
+    from rtf.robot.network.stream_client import RpcConnection
 
 
 _WORDS = 3  # words of a sensor's description

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from rtf.bottle import Dialect, Property
     from rtf.middleware.ports.network import Network
     from rtf.middleware.types.codecs import Buffer
-    from rtf.robot.errors import RefusedError
     from rtf.robot.network.outlets import Outlets
     from rtf.robot.yarp4.functions import Message
 
@@ -187,15 +186,11 @@ class BatteryClient(StreamClient[BatteryReading], IBattery):
         """
         rpc = self.rpc
         answer = rpc.ask(request_of(_FUNCTION, ()))
-        refused = partial(_refusal, rpc.server)
+        refused = partial(refusal, rpc.server)
         return as_string(result_of(_FUNCTION, (), answer.elements(), device=rpc.server, error_of=refused))
 
     def _reading(self) -> BatteryReading:
         return self.stream.fresh().value
-
-
-def _refusal(server: str, code: ReturnValue, what: str) -> RefusedError:
-    return refusal(server, what, code)
 
 
 # The fake ------------------------------------------------------------------------------------------------------------

@@ -11,8 +11,7 @@ from rtf.robot.errors import NoAnswerError, NotSupportedError
 from rtf.robot.interfaces import CameraFeature, IFrameGrabber, IFrameGrabberControls
 from rtf.robot.network.client_settings import RPC_TIMEOUT
 from rtf.robot.network.publishing_device import PublishingDevice
-from rtf.robot.network.rpc_connection import RpcConnection
-from rtf.robot.network.stream_client import StreamClient
+from rtf.robot.network.stream_client import RpcConnection, StreamClient
 from rtf.robot.network.stream_server import StreamServer
 from rtf.robot.yarp3.camera import CameraResponder, CameraWords
 from rtf.robot.yarp4.camera import CameraFunctions, CameraService, has_functions

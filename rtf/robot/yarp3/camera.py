@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from rtf.middleware.types import Image
-    from rtf.robot.network.rpc_connection import RpcConnection
+    from rtf.robot.network.stream_client import RpcConnection
 
 COLOUR, RAW, OPTICS, CONTROLS, FIREWIRE = (Vocab(word) for word in ("fgi", "fgir", "visr", "fgc", "fgfw"))
 #: The word for the image itself, of either kind.

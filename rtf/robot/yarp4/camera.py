@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
     from rtf.bottle import Value
     from rtf.middleware.ports.network import Network
-    from rtf.robot.network.rpc_connection import RpcConnection
+    from rtf.robot.network.stream_client import RpcConnection
     from rtf.robot.yarp4.functions import Message
 
 
@@ -262,4 +262,4 @@ class CameraFunctions(IFrameGrabber, IFrameGrabberControls):
             return NotSupportedError(f"{self._name} does not have {what}")
         if code is ReturnValue.COMMUNICATION:
             return NoAnswerError(f"{self._name} has no connection to the camera of {what}")
-        return refusal(self._name, what, code)
+        return refusal(self._name, code, what)

@@ -76,48 +76,35 @@ def one(name: str, interface: type[Any], method: str, kind: Kind, *, of: tuple[K
 
 def some(name: str, interface: type[Any], method: str, kinds: Kind) -> Message:
     """Return a function that reads several axes."""
-    return _reading(name, interface, method, Style.SOME, (AXES,), kinds)
+    return call(name, interface, method, takes=(AXES,), gives=(kinds,), style=Style.SOME)
 
 
 def every(name: str, interface: type[Any], method: str, kinds: Kind, *, of: tuple[Kind, ...] = ()) -> Message:
     """Return a function that reads all axes."""
-    return _reading(name, interface, method, Style.ALL, of, kinds)
-
-
-def _reading(
-    name: str, interface: type[Any], method: str, style: Style, takes: tuple[Kind, ...], kinds: Kind
-) -> Message:
-    def run(board: Any, *which: Any) -> Any:
-        return getattr(board, method)(*which)
-
-    return Message(name, interface, method, style, takes, (kinds,), run)
+    return call(name, interface, method, takes=of, gives=(kinds,), style=Style.ALL)
 
 
 def set_one(name: str, interface: type[Any], method: str, kind: Kind, *, of: tuple[Kind, ...] = (AXIS,)) -> Message:
     """Return a function that sets one axis. Its axis argument is before the value, that of the method after it."""
-    return _setting(name, interface, method, Style.ONE, of, kind)
+    return _set_axes(name, interface, method, Style.ONE, (*of, kind))
 
 
 def set_some(name: str, interface: type[Any], method: str, kinds: Kind) -> Message:
     """Return a function that sets several axes. Its axes are before the values."""
-    return _setting(name, interface, method, Style.SOME, (AXES,), kinds)
+    return _set_axes(name, interface, method, Style.SOME, (AXES, kinds))
 
 
-def set_every(name: str, interface: type[Any], method: str, kinds: Kind, *, of: tuple[Kind, ...] = ()) -> Message:
-    """Return a function that sets all axes."""
-
-    def run(board: Any, *arguments: Any) -> None:
-        getattr(board, method)(*arguments)
-
-    return Message(name, interface, method, Style.ALL, (*of, kinds), (), run)
-
-
-def _setting(name: str, interface: type[Any], method: str, style: Style, of: tuple[Kind, ...], kind: Kind) -> Message:
+def _set_axes(name: str, interface: type[Any], method: str, style: Style, takes: tuple[Kind, ...]) -> Message:
     def run(board: Any, *arguments: Any) -> None:
         *before, axes, values = arguments
         getattr(board, method)(*before, values, axes)
 
-    return Message(name, interface, method, style, (*of, kind), (), run)
+    return Message(name, interface, method, style, takes, (), run)
+
+
+def set_every(name: str, interface: type[Any], method: str, kinds: Kind, *, of: tuple[Kind, ...] = ()) -> Message:
+    """Return a function that sets all axes."""
+    return call(name, interface, method, takes=(*of, kinds), style=Style.ALL)
 
 
 def own(
@@ -181,8 +168,8 @@ def asked(message: Message, arguments: tuple[object, ...]) -> str:
     return f"{message.name}({', '.join(map(_shown, arguments))})"[:_SHOWN]
 
 
-def refusal(device: str, what: str, code: ReturnValue) -> RefusedError:
-    """Return the error of a call that was refused, with the code as the reason."""
+def refusal(device: str, code: ReturnValue, what: str) -> RefusedError:
+    """Return the error of the call ``what`` that was refused, with the code as the reason."""
     return RefusedError(f"{device} refused {what} ({code.name.lower().replace('_', ' ')})")
 
 

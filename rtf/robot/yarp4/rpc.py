@@ -77,4 +77,4 @@ class ServiceRpc(BoardRpc):
             return StaleStateError(f"{self.board} is not ready for {what}")
         if code is ReturnValue.COMMUNICATION:
             return NoAnswerError(f"{self.board} has no connection to the device of {what}")
-        return refusal(self.board, what, code)
+        return refusal(self.board, code, what)

@@ -2,7 +2,7 @@
 
 It writes the table of the documentation page on robot tests from the declarations of the tests::
 
-    python -m rtf.robot_testing.catalogue docs/robot-tests.md
+    python tools/robot_test_catalogue.py docs/robot-tests.md
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from rtf.testing.plugins import find, load_test, shipped_folder
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-BEGIN = "<!-- the tests: written by `python -m rtf.robot_testing.catalogue`, do not edit -->"
+BEGIN = "<!-- the tests: written by `python tools/robot_test_catalogue.py`, do not edit -->"
 END = "<!-- the tests end -->"
 _NOWHERE = "in no suite"
 

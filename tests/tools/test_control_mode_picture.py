@@ -6,9 +6,9 @@ import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+import control_mode_picture as picture
 import pytest
 
-from rtf.robot import control_mode_picture as picture
 from rtf.robot.control_modes import FORCED, REQUESTS, STATES, Answer, ControlMode, answer
 
 STORED = Path(__file__).parents[2] / "docs" / "images" / "control-modes.svg"
@@ -21,7 +21,7 @@ def texts() -> list[str]:
 
 
 def test_the_documentation_shows_this_one():
-    """``python -m rtf.robot.control_mode_picture docs/images/control-modes.svg`` fixes it."""
+    """``python tools/control_mode_picture.py docs/images/control-modes.svg`` fixes it."""
     assert STORED.read_text(encoding="utf-8") == picture.draw()
 
 

@@ -1,4 +1,4 @@
-"""The diagram of the control modes in the documentation: ``python -m rtf.robot.control_mode_picture FILE``.
+"""The diagram of the control modes in the documentation: ``python tools/control_mode_picture.py FILE``.
 
 All contents are read from the tables of :mod:`rtf.robot.control_modes`; only the layout is defined here.
 """
