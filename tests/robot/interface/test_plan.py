@@ -11,7 +11,7 @@ from lxml import etree
 
 from rtf.bottle import Property
 from rtf.robot.interface.model import Action, ActionKind, DeviceEntry, Phase, Robot
-from rtf.robot.interface.plan_drawing import draw_svg, draw_text
+from rtf.robot.interface.plan import draw_svg, draw_text
 from rtf.robot.interface.robot_reader import read_robot
 from scripted_devices import action_xml as action
 from scripted_devices import device_xml as device

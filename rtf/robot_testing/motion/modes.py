@@ -1,19 +1,39 @@
-"""A walk through the control modes that makes every request in every mode, with few repetitions."""
+"""Control modes in tests: as small numbers, for plots over time, and a walk that makes every request in every mode."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rtf.robot.control_modes import HOLDING_MODES, TRANSITIONS, ControlMode
+import numpy as np
+
+from rtf.robot.control_modes import HOLDING_MODES, STATES, TRANSITIONS, ControlMode
 
 if TYPE_CHECKING:
     from collections.abc import Collection
 
+    from numpy.typing import ArrayLike
+
+    from rtf.robot.interfaces import FloatArray
+
+_NUMBERS = {int(mode): float(number) for number, mode in enumerate(STATES)}
+_UNKNOWN = -1.0
+#: The legend of such a plot.
+LEGEND = (
+    f"modes by number: {', '.join(f'{number} {mode.word}' for number, mode in enumerate(STATES))}, "
+    f"{_UNKNOWN:g} none of them"
+)
+
+
+def mode_numbers(modes: ArrayLike) -> FloatArray:
+    """Return the legend's numbers of modes given as packed words."""
+    return np.array([_NUMBERS.get(mode, _UNKNOWN) for mode in np.asarray(modes).tolist()])
+
 
 class ModeWalk:
-    """The requests of :data:`TRANSITIONS` that are still to be made in the modes ``states``.
+    """A walk through the modes with few repetitions: the requests that are still to be made in the modes ``states``.
 
-    ``without`` are modes that the robot does not have: they are neither requested nor entered.
+    The requests are those of :data:`TRANSITIONS`. ``without`` are modes that the robot does not have: they are neither
+    requested nor entered.
     """
 
     def __init__(self, states: Collection[ControlMode], without: Collection[ControlMode] = ()) -> None:
