@@ -21,7 +21,7 @@ from rtf.robot_testing import MotionGuard, Part
 from rtf.robot_testing.guard.transmission import COUPLING_VARIABLE
 from rtf.robot_testing.joints_test import JointsTest
 
-from ..robot.sensor_bench import ManualClock  # noqa: TID252 - a neighbour among the tests
+from ..robot.sensor_bench import ManualClock
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -22,7 +22,7 @@ from rtf.robot.yarp3.client import RemoteControlBoard
 from rtf.simulator.part import SimulatedPart
 from rtf.simulator.robot import SimulatedRobot
 
-from ..robot.contract import ControlBoardContract  # noqa: TID252 - test folders are no packages
+from ..robot.contract import ControlBoardContract
 from .rig import Rig
 
 if TYPE_CHECKING:

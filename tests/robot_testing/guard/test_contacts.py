@@ -33,7 +33,7 @@ from rtf.simulator.robot import SimulatedRobot
 from rtf.testing.events import SeriesRecorded
 from rtf.testing.verdict import Verdict
 
-from ...robot.sensor_bench import ManualClock  # noqa: TID252 - a neighbour among the tests
+from ...robot.sensor_bench import ManualClock
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

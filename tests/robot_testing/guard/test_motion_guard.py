@@ -27,7 +27,7 @@ from rtf.robot_testing.guard.motion_guard import MotionGuard
 from rtf.robot_testing.guard.motion_record import MotionRecord
 from rtf.robot_testing.motion.part import Part
 
-from ...robot.sensor_bench import ManualClock  # noqa: TID252 - a neighbour among the tests
+from ...robot.sensor_bench import ManualClock
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

@@ -23,7 +23,7 @@ from rtf.robot_testing.guard.read_only_board import ReadOnlyBoard, UndeclaredMot
 from rtf.testing.events import Message
 from rtf.testing.verdict import Verdict
 
-from ...robot.sensor_bench import ManualClock  # noqa: TID252 - a neighbour among the tests
+from ...robot.sensor_bench import ManualClock
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

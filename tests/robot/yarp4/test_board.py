@@ -56,8 +56,8 @@ from rtf.robot.yarp4.table import BY_NAME, INTERFACES, MESSAGES
 from rtf.robot.yarp4.values import RETURN_VALUE, Kind, ReturnValue, read_all, write_all
 from waiting import eventually
 
-from .contract import ControlBoardContract
-from .sensor_bench import ManualClock
+from ..contract import ControlBoardContract
+from ..sensor_bench import ManualClock
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

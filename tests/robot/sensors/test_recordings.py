@@ -24,7 +24,7 @@ from rtf.robot.sensors.camera import FrameGrabberClient, FrameGrabberServer
 from rtf.robot.sensors.measurements import SENSOR_MESSAGE
 from waiting import eventually
 
-from .sensor_bench import ScriptedSensors, connect
+from ..sensor_bench import ScriptedSensors, connect
 
 if TYPE_CHECKING:
     from replaying import Segment

@@ -10,9 +10,9 @@ from rtf.middleware.ports.network import Network
 from rtf.robot.boards.client import connect
 from waiting import eventually
 
-from .contract import ControlBoardContract
-from .sensor_bench import ManualClock
-from .served_board import fake_board, publish
+from ..contract import ControlBoardContract
+from ..sensor_bench import ManualClock
+from ..served_board import fake_board, publish
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot.yarp3.client import RemoteControlBoard
 
-    from .served_board import CountingBoard
+    from ..served_board import CountingBoard
 
 
 CONFIGURATION = "(VARIABLES (kinematic_mj (1.0 0.0 0.0 1.0)))"

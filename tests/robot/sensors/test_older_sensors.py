@@ -25,7 +25,7 @@ from rtf.robot.sensors.analog import AnalogClient, AnalogDevice, AnalogServer, P
 from rtf.robot.sensors.inertial import InertialClient, InertialServer
 from waiting import eventually
 
-from .sensor_bench import ManualClock, ScriptedSensors, connect
+from ..sensor_bench import ManualClock, ScriptedSensors, connect
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

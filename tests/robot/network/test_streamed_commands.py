@@ -19,8 +19,8 @@ from rtf.robot.control_modes import ControlMode
 from rtf.robot.network.streamed_commands import STREAMED
 from waiting import eventually
 
-from .control_board_bench import QUESTIONS, CalibratedBoard, command
-from .sensor_bench import ManualClock
+from ..control_board_bench import QUESTIONS, CalibratedBoard, command
+from ..sensor_bench import ManualClock
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from rtf.robot.errors import (
 from rtf.robot.interfaces import CalibrationParameters, MotorTorqueParameters, Pid, PidType
 from rtf.robot.yarp3.client import RemoteControlBoard
 
-from .scripted_board import ScriptedBoard, client_of
+from ..scripted_board import ScriptedBoard, client_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -16,7 +16,7 @@ from rtf.robot.extended_state import EXTENDED_STATE, ExtendedState
 from rtf.robot.yarp3.client import RemoteControlBoard
 from waiting import eventually
 
-from .served_board import fake_board, publish
+from ..served_board import fake_board, publish
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from rtf.middleware.ports.network import Network
     from rtf.robot.boards.server import ControlBoardServer
 
-    from .sensor_bench import ManualClock
+    from ..sensor_bench import ManualClock
 
 
 @pytest.fixture

@@ -27,8 +27,8 @@ from rtf.robot.interfaces import IEncoders, IPositionControl
 from rtf.robot.network.outlets import BackgroundOutlets
 from waiting import eventually
 
-from .control_board_bench import Axes, CalibratedBoard, reading, serving
-from .sensor_bench import ManualClock
+from ..control_board_bench import Axes, CalibratedBoard, reading, serving
+from ..sensor_bench import ManualClock
 
 
 @pytest.fixture

@@ -29,9 +29,9 @@ from rtf.robot.extended_state import Field
 from rtf.robot.yarp3.client import RemoteControlBoard
 from waiting import eventually
 
-from .scripted_board import ScriptedBoard, client_of, names, raises
-from .sensor_bench import ManualClock
-from .served_board import fake_board, publish
+from ..scripted_board import ScriptedBoard, client_of, names, raises
+from ..sensor_bench import ManualClock
+from ..served_board import fake_board, publish
 
 if TYPE_CHECKING:
     pass

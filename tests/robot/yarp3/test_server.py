@@ -21,8 +21,8 @@ from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot.yarp3.server import ControlBoardRequests
 from rtf.robot.yarp3.table import COMMANDS, TOPICS
 
-from .control_board_bench import QUESTIONS, Axes, CalibratedBoard
-from .sensor_bench import ManualClock
+from ..control_board_bench import QUESTIONS, Axes, CalibratedBoard
+from ..sensor_bench import ManualClock
 
 #: Requests in order, with their replies; ``@`` is a stamp, whose count goes on, and ``&`` nine zeros. A reply of one
 #: word is written without brackets.

@@ -35,8 +35,8 @@ from rtf.robot.sensors.camera import FrameGrabberClient, FrameGrabberDevice, Fra
 from rtf.robot.yarp3.camera import CameraResponder
 from waiting import eventually
 
-from .camera_contract import FrameGrabberContract
-from .sensor_bench import ManualClock, connect
+from ..camera_contract import FrameGrabberContract
+from ..sensor_bench import ManualClock, connect
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     from rtf.middleware.ports.network import Network
 
-    from .sensor_bench import ManualClock
+    from ..sensor_bench import ManualClock
 
 NAME = "/bot/battery"
 #: The parameters of the recorded batteries.

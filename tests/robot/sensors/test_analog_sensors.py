@@ -33,7 +33,7 @@ from rtf.robot.sensors.battery import FakeBattery
 from rtf.robot.sensors.measurements import SENSOR_MESSAGE
 from waiting import eventually
 
-from .sensor_bench import ManualClock, ScriptedSensors, connect
+from ..sensor_bench import ManualClock, ScriptedSensors, connect
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

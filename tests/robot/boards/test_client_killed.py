@@ -22,7 +22,7 @@ from rtf.robot.errors import (
 )
 from waiting import eventually
 
-from .scripted_board import raises
+from ..scripted_board import raises
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

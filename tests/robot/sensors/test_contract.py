@@ -15,7 +15,7 @@ from rtf.robot.sensors.analog_sensors import AnalogSensorsClient, AnalogSensorsD
 from rtf.robot.sensors.inertial import InertialClient, InertialDevice
 from waiting import eventually
 
-from .sensor_contract import MultipleAnalogSensorsContract, is_well
+from ..sensor_contract import MultipleAnalogSensorsContract, is_well
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -33,8 +33,8 @@ from rtf.robot.interfaces import (
 )
 from rtf.robot.network.outlets import PipelinedOutlets
 
-from .contract import ControlBoardContract
-from .sensor_bench import ManualClock
+from ..contract import ControlBoardContract
+from ..sensor_bench import ManualClock
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -22,7 +22,7 @@ from rtf.robot.sensors.measurements import (
     not_well,
 )
 
-from .sensor_bench import ScriptedSensors, connect
+from ..sensor_bench import ScriptedSensors, connect
 
 if TYPE_CHECKING:
     from rtf.middleware.ports.network import Network
