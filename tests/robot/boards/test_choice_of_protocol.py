@@ -35,13 +35,13 @@ class Serve(Protocol):
 
 @pytest.fixture
 def network() -> Network:
-    """One whose dialect nobody has set."""
+    """A network with the default dialect."""
     return Network(LocalNames(), report=lambda _sentence: None)
 
 
 @pytest.fixture
 def serve(network: Network) -> Iterator[Serve]:
-    """Serves a board of two joints by a protocol: ``serve(name, Dialect.YARP4)``."""
+    """Return a function that serves a board of two joints: ``serve(name, Dialect.YARP4)``."""
     with ExitStack() as stack:
 
         def served(name: str, *protocols: Dialect) -> None:
@@ -70,14 +70,14 @@ def test_the_registered_port_chooses(network: Network, serve: Serve, dialect: Di
 def test_a_board_with_both_protocols_is_used_in_the_dialect_of_the_network(
     network: Network, serve: Serve, dialect: Dialect
 ):
-    """So a run with ``--dialect 4`` tests its service."""
+    """A run with ``--dialect 4`` tests the service of the board."""
     serve("/bot", *Dialect)
     network.dialect = dialect
     assert version_of("/bot", network) is dialect
 
 
 def test_an_absent_board_is_reported_with_both_names(network: Network):
-    """The message says what was looked for."""
+    """The message names both ports that were looked for."""
     with pytest.raises(DeviceError, match=r"neither /bot/rpc:i \(YARP 3\) nor /bot/nws/rpc:i \(YARP 4\)"):
         connect("/bot", network=network)
 
@@ -120,7 +120,7 @@ def test_a_test_that_declares_no_motion_commands_no_board(network: Network, serv
 
 @pytest.mark.parametrize("dialect", [*Dialect])
 def test_a_name_that_a_killed_server_left(network: Network, serve: Serve, dialect: Dialect) -> None:
-    """Of two registered ports for requests, that which answers counts."""
+    """If both ports for requests are registered, the port that answers chooses the client."""
     serve("/bot/arm", dialect)
     left = {Dialect.YARP3: "/bot/arm/nws/rpc:i", Dialect.YARP4: "/bot/arm/rpc:i"}[dialect]
     network.names.register(left, carrier="tcp", host="127.0.0.1", port=1)

@@ -76,7 +76,7 @@ def test_measurements_come_with_the_state(network: Network):
 
 
 def test_what_is_not_valid_is_not_given(network: Network):
-    """A board without torques says so in its state, and the client says it to anyone who asks."""
+    """Reading a field that the board marks as invalid raises NotSupportedError."""
     with ScriptedBoard("/board", network) as board:
         board.state.valid[Field.TORQUES] = False
         with client_of(board, network) as client:
@@ -86,7 +86,7 @@ def test_what_is_not_valid_is_not_given(network: Network):
 
 
 def test_an_old_state_is_an_error(network: Network):
-    """The sentence names the port and the age; with the next message all is well again."""
+    """The message names the port and the age; the next state can be read again."""
     with ScriptedBoard("/board", network) as board, client_of(board, network, timeout=0.05) as client:
         eventually(lambda: raises(StaleStateError, client.encoders), "the state does not get too old")
         with pytest.raises(StaleStateError, match=r"from /board/stateExt:o to /client/stateExt:i is 0?\d*\.\d+ s old"):
@@ -97,7 +97,7 @@ def test_an_old_state_is_an_error(network: Network):
 
 
 def test_without_a_state_nothing_is_read(network: Network):
-    """A board that has sent nothing yet is no board at zero."""
+    """Before the first state a reading is an error, not zero."""
     with ScriptedBoard("/board", network) as board:
         board.publish = lambda: None  # type: ignore[method-assign]
         with client_of(board, network, timeout=0.01) as client:
@@ -109,7 +109,7 @@ def test_without_a_state_nothing_is_read(network: Network):
 
 
 def test_a_state_of_another_board_is_not_taken(network: Network):
-    """One with another number of joints makes no sense."""
+    """A state with another number of joints is an error."""
     with ScriptedBoard("/board", network) as board, client_of(board, network) as client:
         client._link.state.axes = 4
         with pytest.raises(NoAnswerError, match="states of 3 joints, but the board has 4"):
@@ -117,7 +117,7 @@ def test_a_state_of_another_board_is_not_taken(network: Network):
 
 
 def test_who_sends_no_states_is_cut_off(network: Network, said: list[str]):
-    """What is no state costs its sender the connection; the last state stays."""
+    """A message that is not a state closes the connection of its sender; the last state stays."""
     with ScriptedBoard("/board", network) as board, client_of(board, network, timeout=10.0) as client:
         before = client.encoders().tolist()
         with Port("/stranger", network=network) as stranger:
@@ -128,7 +128,7 @@ def test_who_sends_no_states_is_cut_off(network: Network, said: list[str]):
 
 
 def test_by_a_simulators_clock_the_age_is_that_of_the_robots_time(network: Network, stepped: ManualClock):
-    """However long it takes: a state is old when the simulation has gone on without it, and commands arrive in step."""
+    """A state is stale when simulated time has passed without it, and commands arrive at their simulated time."""
     with fake_board(network) as (_, server), connect("/fake", carrier="tcp", network=network) as client:
         publish(server, stepped)
         stepped.sleep(0.49)
@@ -161,7 +161,7 @@ def test_it_opens_three_ports_and_leaves_nothing(network: Network):
 
 @pytest.mark.parametrize("carrier", CARRIERS)
 def test_it_is_opened_by_its_type(network: Network, carrier: str):
-    """The table of devices finds it; the carrier is that of the state and the commands, and questions go by tcp."""
+    """The table of devices has the client; the carrier is used for the state and the commands, requests use tcp."""
     with ScriptedBoard("/board", network) as board:
         parameters = Property({"remote": board.name, "local": "/client", "carrier": carrier})
         client = make_device("remote_controlboard", parameters, network=network)
@@ -178,14 +178,14 @@ def test_it_is_opened_by_its_type(network: Network, carrier: str):
 
 
 def carrier_of(network: Network, source: str, target: str) -> str:
-    """By what a connection goes."""
+    """Return the carrier of a connection."""
     found = remote.connection(network, Contact(source), Contact(target))
     assert found is not None
     return as_string(found.find("carrier"))
 
 
 def test_two_clients_get_names_of_their_own(network: Network):
-    """Who names none need not care who else is there."""
+    """Clients without a given name have different port names."""
     with (
         ScriptedBoard("/board", network) as board,
         connect(board.name, network=network) as one,
@@ -228,7 +228,7 @@ def test_a_board_without_joints_is_none(network: Network):
 
 
 def test_another_board_of_the_same_name_is_not_taken_for_it(network: Network):
-    """One that has another number of joints when it comes back must be opened again."""
+    """A board with another number of joints after its restart must be opened again."""
     with ScriptedBoard("/board", network) as board, client_of(board, network) as client:
         client._link.axes = 4
         client._link.rpc._port.remove_output("/board/rpc:i")
@@ -251,14 +251,14 @@ def test_another_board_of_the_same_name_is_not_taken_for_it(network: Network):
     ],
 )
 def test_wrong_parameters_are_told(network: Network, parameters: str, sentence: str):
-    """Before anything is opened, with the name of the parameter in front."""
+    """The message begins with the name of the parameter, and nothing is opened."""
     with pytest.raises(ConfigurationError, match=f"^{sentence}"):
         RemoteControlBoard("board", network=network).open(Property.parse(parameters))
     assert names(network) == set()
 
 
 def test_quality_of_service_is_set_at_both_ends(network: Network):
-    """Of the state and of the commands: what is requested for here and there is what the sockets have."""
+    """The sockets of state and commands have the requested settings, here and at the board."""
     qos = "(local_qos (packet_priority LEVEL:HIGH)) (remote_qos (packet_priority DSCP:AF11))"
     with ScriptedBoard("/board", network) as board:
         client = RemoteControlBoard("board", network=network)
@@ -277,7 +277,7 @@ def test_quality_of_service_is_set_at_both_ends(network: Network):
 
 
 def test_a_refusal_names_board_question_and_joint(network: Network):
-    """[fail] is a refusal, [nak] a question that the board does not know."""
+    """[fail] is a refusal, [nak] a request that the board does not know."""
     with ScriptedBoard("/board", network) as board, client_of(board, network) as client:
         board.answer = lambda _: Bottle.parse("[fail]")
         with pytest.raises(RefusedError, match=r"^/board refused '\[set\] \[pos\] 1 2\.0', joint 1$"):
@@ -293,7 +293,7 @@ def test_a_refusal_names_board_question_and_joint(network: Network):
     "answer", ["[ok]", "[is] [poss] (1.0 2.0) [tsta] 0 0.0 [ok]", "[is] [poss] (1.0 2.0 hello) [tsta] 0 0.0 [ok]", "1"]
 )
 def test_nonsense_is_named(network: Network, answer: str):
-    """The sentence says what was asked and what came."""
+    """The message has the request and the answer."""
     with (
         ScriptedBoard("/board", network, answer=lambda _: Bottle.parse(answer)) as board,
         client_of(board, network) as client,
@@ -303,7 +303,7 @@ def test_nonsense_is_named(network: Network, answer: str):
 
 
 def test_a_board_that_is_slow_is_given_up_and_asked_again(network: Network):
-    """An answer that comes too late is nobody's; the next question goes over a new connection."""
+    """A late answer is dropped; the next request uses a new connection."""
     go_on = threading.Event()
 
     def slowly(question: Bottle) -> Bottle:
@@ -324,7 +324,7 @@ def test_a_board_that_is_slow_is_given_up_and_asked_again(network: Network):
 
 
 def test_an_action_that_takes_long_holds_nobody_up(network: Network):
-    """While a part is calibrated its client still answers, and can end it."""
+    """While a part is being calibrated its client still answers, and can abort the calibration."""
     ended = threading.Event()
 
     def calibrate(question: Bottle) -> Bottle:
@@ -348,7 +348,7 @@ def test_an_action_that_takes_long_holds_nobody_up(network: Network):
 
 
 def test_many_threads_of_two_clients_get_their_own_answers(network: Network):
-    """Answers are never mixed up."""
+    """Each thread gets the answer to its own request."""
 
     def echo(question: Bottle) -> Bottle:
         return Bottle.parse(f"[is] [llim] {question[2]} {question[2]} {STAMP}")

@@ -46,7 +46,7 @@ class Link:
         client._link.stream.send = counted  # type: ignore[method-assign]
 
     def advance(self, seconds: float) -> None:
-        """Let time pass when the commands have arrived, and wait until the state has."""
+        """Wait until the commands have arrived, let time pass, and wait until the state has arrived."""
         eventually(lambda: self.board.streamed == self.sent, "a command is missing")
         self.time.sleep(seconds)
         publish(self.server, self.time)
@@ -59,7 +59,7 @@ class Link:
 
 @pytest.fixture(scope="class")
 def link(request: pytest.FixtureRequest, shared_time: ManualClock, shared_network: Network) -> Iterator[Link]:
-    """One for all tests."""
+    """One client for all tests of a class."""
     with (
         fake_board(shared_network, CONFIGURATION) as (board, server),
         connect("/fake", carrier=request.cls.CARRIER, network=shared_network) as client,

@@ -1,4 +1,4 @@
-"""A client whose board is killed, and comes back."""
+"""A client whose board is killed and started again."""
 
 from __future__ import annotations
 
@@ -69,18 +69,18 @@ class BoardProcesses:
         self._board = 0
 
     def start(self, names: NameServer) -> None:
-        """Start one; returns when it serves."""
+        """Start a board, and wait until it is served."""
         self._board = int(self._said(f"{names.contact.port}\n"))
 
     def kill(self) -> None:
-        """Kill it: it says good-bye to nobody. Returns when it is gone."""
+        """Kill it without a chance to disconnect, and wait until it is gone."""
         board, self._board = self._board, 0
         if board:
             os.kill(board, signal.SIGKILL)
             assert self._said() == "gone\n"
 
     def close(self) -> None:
-        """No more are wanted."""
+        """End the last one."""
         self._forks.communicate()
 
     def _said(self, asked: str = "") -> str:
@@ -93,7 +93,7 @@ class BoardProcesses:
 
 @pytest.fixture(scope="module")
 def processes() -> Iterator[BoardProcesses]:
-    """Where boards are started."""
+    """Return the starter of boards; it ends them after the test."""
     with closing(BoardProcesses()) as made:
         yield made
 
@@ -116,7 +116,7 @@ class Killed(NamedTuple):
 
 @pytest.fixture
 def board(network: Network, processes: BoardProcesses) -> Iterator[Killed]:
-    """A board that serves."""
+    """A board that is being served."""
     del network  # of which is taken that nothing is left
     with NameServer() as server, closing(RemoteNames(server.contact)) as client_names:
         processes.start(server)
@@ -128,7 +128,7 @@ def board(network: Network, processes: BoardProcesses) -> Iterator[Killed]:
 
 @pytest.mark.parametrize("carrier", CARRIERS)
 def test_a_board_that_was_killed_is_found_again(board: Killed, carrier: str):
-    """Questions fail while it is gone; the next one after it came back makes all three connections work again."""
+    """Requests fail while it is gone; the first one after its return reconnects all three connections."""
     with connect("/fake", carrier=carrier, network=board.network, timeout=0.2) as client:
         board.kill()
         for _ in range(2):
@@ -144,7 +144,7 @@ def test_a_board_that_was_killed_is_found_again(board: Killed, carrier: str):
 
 @pytest.mark.parametrize("carrier", CARRIERS)
 def test_who_only_reads_gets_the_state_again(board: Killed, carrier: str):
-    """A state that is missing for a while makes the client look for the board."""
+    """A client that only reads reconnects after a stale state."""
     with connect("/fake", carrier=carrier, network=board.network, timeout=0.2) as client:
         board.kill()
         eventually(lambda: raises(StaleStateError, client.encoders), "the state does not get too old")
@@ -153,7 +153,7 @@ def test_who_only_reads_gets_the_state_again(board: Killed, carrier: str):
 
 
 def test_who_only_streams_is_connected_again(board: Killed):
-    """A command for which there is no connection any more makes a new one, or says that there is none."""
+    """A command without a connection reconnects, or raises an error."""
     with connect("/fake", carrier="tcp", network=board.network) as client:
         board.kill()
         eventually(lambda: raises(NoAnswerError, lambda: client.set_positions(0.0, 0)), "nobody notices")

@@ -1,4 +1,4 @@
-"""What a real client said to a real board, said again by ours: the same calls make the same bytes."""
+"""Recordings of a real client and a real board: the same calls of our client make the same bytes."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class StatePort(BufferedPort[bytes]):
 
 @contextmanager
 def recorded_board(network: Network, talk: list[Segment]) -> Iterator[tuple[list[Segment], BufferedPort[bytes]]]:
-    """A board that answers what was recorded: what it was asked and should have been, and its port of commands."""
+    """A board that gives the recorded answers: its received and expected requests, and its port for commands."""
     with ExitStack() as opened:
         listening = opened.enter_context(socket.create_server(("127.0.0.1", 0)))
         network.dialect = Dialect.YARP3  # the recorded boards are not asked for it
@@ -100,7 +100,7 @@ def open_client(network: Network, test: str, **parameters: object) -> RemoteCont
 
 @pytest.mark.parametrize("test", [*RECORDED["questions"]])
 def test_calls_are_put_as_the_real_client_puts_them(network: Network, test: str):
-    """Handshake, the questions of the opening, every call and the leave-taking: byte for byte."""
+    """Handshake, the requests of the opening, every call and the disconnection are the same bytes."""
     talk = segments(RECORDED["questions"][test])
     questions = [decode_from(data, data.index(ASKED) + 4, Dialect.YARP3)[0] for _, data in talk if ASKED in data]
     assert [str(question) for question in questions[:2]] == ["[get] [prot]", "[get] [axes]"]
@@ -139,7 +139,7 @@ def test_streamed_commands_are_the_recorded_ones(network: Network):
 
 
 def test_recorded_states_are_read(network: Network):
-    """What a real board published is what the client says of it, with the time of the envelope."""
+    """The client returns what a real board published, with the time of the envelope."""
     talk = segments(RECORDED["questions"]["positionDirectTest"])
     stamp = float(RECORDED["state"][-1][0].split()[1])
     with (
@@ -153,7 +153,7 @@ def test_recorded_states_are_read(network: Network):
 
 
 def test_the_state_is_asked_for_as_the_real_client_asks(network: Network):
-    """It looks whether the board sends already, and has it connect: two conversations of administration."""
+    """The client asks the board's port for an existing connection, then asks it to connect."""
     talks = [segments(talk) for talk in RECORDED["connecting"]]
     sent: list[tuple[bytes, bytes]] = []
     with socket.create_server(("127.0.0.1", 0)) as listening:

@@ -1,4 +1,4 @@
-"""Boards that are made of the axes of others."""
+"""Remappers: boards that are made of axes of other boards."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def described(name: str, axes: tuple[str, ...]) -> Property:
 
 
 def board(name: str, axes: tuple[str, ...]) -> FakeBoard:
-    """Such a board."""
+    """A board with these axes."""
     made = FakeBoard(name)
     made.open(described(name, axes))
     return made
@@ -76,7 +76,7 @@ class TestRemappedBoard(ControlBoardContract):
 
     @pytest.fixture
     def board(self, stepped: ManualClock) -> ControlBoardRemapper:
-        """Of an arm and a torso."""
+        """The remapper of an arm and a torso."""
         self.time = stepped
         return remapped(boards())
 
@@ -96,7 +96,7 @@ class Link(NamedTuple):
 
 @pytest.fixture(scope="class", params=Dialect, ids=lambda dialect: dialect.name)
 def link(request: pytest.FixtureRequest, shared_time: ManualClock, shared_network: Network) -> Iterator[Link]:
-    """Of an arm and a torso that are served; one for all tests."""
+    """The link of a served arm and torso; one for all tests."""
     network = copy.copy(shared_network)
     network.dialect = request.param
     with ExitStack() as stack:
@@ -111,11 +111,11 @@ def link(request: pytest.FixtureRequest, shared_time: ManualClock, shared_networ
 
 
 class TestRemoteRemappedBoard(ControlBoardContract):
-    """So are they through the network, in either style."""
+    """They are a board through the network, too, by both protocols."""
 
     @pytest.fixture
     def board(self, link: Link) -> Device:
-        """Of boards that are as they were when they were opened; no state has come yet that is not too old."""
+        """The remapper of boards in their initial state; their states are not fresh yet."""
         self.link = link
         for name, axes in (("arm", ARM), ("torso", TORSO)):
             link.devices[name].open(described(name, axes))
@@ -140,7 +140,7 @@ REMOTE = (
 
 
 def test_axes_are_those_that_are_named():
-    """In their order, whatever the boards' is, and what is set arrives where it belongs."""
+    """The axes are in the given order, and a value that is set reaches the right axis."""
     devices = boards()
     remapper = remapped(devices)
     assert remapper.axis_names() == MIXED
@@ -162,7 +162,7 @@ def test_ranges_of_boards():
 
 
 class Counting(ForwardedBoard, Device):
-    """A board that keeps what it is asked."""
+    """A board that records the calls of its methods."""
 
     def __init__(self, name: str, axes: tuple[str, ...]) -> None:
         super().__init__(name)
@@ -209,12 +209,12 @@ class Counting(ForwardedBoard, Device):
 
 
 def counting() -> dict[str, Counting]:
-    """An arm and a torso that keep what they are asked."""
+    """An arm and a torso that record calls."""
     return {"arm": Counting("arm", ARM), "torso": Counting("torso", TORSO)}
 
 
 def test_each_board_is_called_once():
-    """However many of its axes are asked for: a call costs a round trip through the network."""
+    """There is one call for any number of axes, because each is a round trip through the network."""
     devices = counting()
     remapper = remapped({**devices})
     assert remapper.encoders().tolist() == [201.0, 301.0, 200.0, 300.0]
@@ -236,7 +236,7 @@ def test_each_board_is_called_once():
 
 
 def test_motion_is_done_when_all_boards_are_done():
-    """One that still moves is enough."""
+    """It is not done while one of them still moves."""
     devices = counting()
     remapper = remapped({**devices})
     assert remapper.motion_done()
@@ -257,7 +257,7 @@ def test_axes_that_do_not_belong_keep_still():
 
 
 def test_variables_are_those_of_the_boards():
-    """One name in several boards gives what all of them say; who sets it must say whose it is."""
+    """A name in several boards gives the values of all; to set it the board must be named."""
     remapper = remapped(boards())
     assert remapper.variables() == ("of",)
     assert remapper.variable("of") == Bottle(["torso", "arm"])
@@ -320,7 +320,7 @@ GROUPS = st.one_of(WORDS, st.lists(st.one_of(WORDS, st.lists(WORDS, max_size=2))
 @pytest.mark.fuzz
 @given(st.dictionaries(st.sampled_from(["axesNames", "networks", "joints", "arm", "torso"]), GROUPS))
 def test_any_configuration(groups: dict[str, Any]):
-    """It is taken or refused as a configuration, and what is taken fits the boards or does not."""
+    """A configuration is accepted or refused, and an accepted one fits the boards or is an error."""
     remapper = ControlBoardRemapper("mixed")
     try:
         remapper.open(Property(groups))
@@ -331,7 +331,7 @@ def test_any_configuration(groups: dict[str, Any]):
 
 
 def test_an_axis_that_is_missing_is_named():
-    """With the boards that were looked at, and their axes."""
+    """The message has the boards, and their axes."""
     with pytest.raises(DeviceError, match=r"'knee'.*arm \(shoulder, elbow, wrist\); torso \(yaw, pitch\)"):
         remapped(boards(), "(axesNames (yaw knee))")
     with pytest.raises(DeviceError, match=r"several boards have an axis 'yaw'"):
@@ -365,7 +365,7 @@ class Lesser(Device, IAxisInfo):
 
 
 def test_a_board_that_lacks_an_interface_is_named():
-    """Only when something of it is asked for."""
+    """The error comes when a method of the interface is called."""
     remapper = remapped({"arm": board("arm", ARM), "torso": Lesser("torso")})
     with pytest.raises(NotSupportedError, match=r"torso.*has no IRemoteCalibrator\.calibrate_joint"):
         remapper.view(IRemoteCalibrator).calibrate_joint(0)
@@ -373,7 +373,7 @@ def test_a_board_that_lacks_an_interface_is_named():
 
 
 def test_a_board_that_answers_too_little():
-    """Is an error, not a row of numbers that do not belong together."""
+    """A wrong number of values is an error."""
     devices = counting()
     remapper = remapped({**devices})
     devices["arm"].short = True
@@ -382,7 +382,7 @@ def test_a_board_that_answers_too_little():
 
 
 def test_it_must_be_open_and_attached():
-    """Before, in between and afterwards it says so."""
+    """Before opening, before attaching and after closing its methods raise DeviceError."""
     remapper = ControlBoardRemapper("mixed")
     with pytest.raises(DeviceError, match="not open"):
         remapper.attach(boards())
@@ -413,7 +413,7 @@ def test_a_remote_board_that_is_missing_leaves_nothing(network: Network):
 
 @pytest.mark.parametrize("missing", ["axesNames", "remoteControlBoards", "localPortPrefix"])
 def test_parameters_of_the_remote_one(missing: str):
-    """Each is named when it is missing."""
+    """A missing parameter is named."""
     configuration = Property.parse(REMOTE)
     configuration.remove(missing)
     with pytest.raises(ConfigurationError, match=missing):

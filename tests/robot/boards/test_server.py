@@ -39,7 +39,7 @@ def board(stepped: ManualClock) -> CalibratedBoard:
 
 @pytest.fixture
 def server(board: CalibratedBoard, network: Network) -> Iterator[ControlBoardServer]:
-    """It on the network."""
+    """The server of the board."""
     with closing(ControlBoardServer(board, "/robot/arm", network=network)) as opened:
         yield opened
 
@@ -68,7 +68,7 @@ def test_state_is_published_with_stamps(network: Network, board, stepped: Manual
 
 
 def test_state_in_the_background(network: Network, board, stepped: ManualClock):
-    """Anyone who publishes does not wait for a reader: one that is slow misses messages."""
+    """Publishing does not wait for readers: a slow reader misses messages."""
     go_on = threading.Event()
     delivered = []
 
@@ -90,7 +90,7 @@ def test_state_in_the_background(network: Network, board, stepped: ManualClock):
 
 
 def test_nothing_is_published_of_different_moments(network: Network, board, stepped: ManualClock, said: list[str]):
-    """When the joints were measured more than a second apart nothing goes out, which is told once."""
+    """If the joints were measured more than a second apart, nothing is published, and it is reported once."""
     device = Apart()
     with serving(device, network) as server, reading(network, "/state:o", VECTOR) as positions:
         for times in ([10.0, 10.5], [10.0, 11.5], [10.0, 12.0], [12.0, 12.0]):
@@ -143,7 +143,7 @@ def test_a_device_without_encoders_is_stamped_by_whoever_publishes(network: Netw
 
 
 def test_ports_have_their_names(network: Network, server: ControlBoardServer):
-    """The four of them, and none is left afterwards."""
+    """There are four ports, and none is left after closing."""
     names = {contact.name for contact in network.names.list("/robot/arm")}
     assert names == {f"/robot/arm/{port}" for port in ("rpc:i", "command:i", "state:o", "stateExt:o")}
     server.close()
@@ -159,14 +159,14 @@ def test_a_name_that_cannot_be_leaves_nothing(network: Network, board: Calibrate
 
 
 def test_only_boards_are_served(network: Network):
-    """What does not say how many axes it has is no board."""
+    """A device without IAxisInfo is refused."""
     with pytest.raises(NotSupportedError, match="IAxisInfo"):
         ControlBoardServer(object(), "/robot/arm", network=network)
 
 
 @pytest.mark.parametrize(("kind", "period"), [("controlBoard_nws_yarp", 0.01), ("controlboardwrapper2", 10)], ids=str)
 def test_device_serves_what_it_is_attached_to(network: Network, kind: str, period: float):
-    """By its configuration, in its unit of time, until it is detached; then it may be attached again."""
+    """The period has the unit of the device type; after detaching it may be attached again."""
     board = make_device("fakeMotionControl", Property.parse("(GENERAL (Joints 3))"), name="fake", network=network)
     wrapper = make_device(kind, Property({"name": "/robot/arm", "period": period}), network=network)
     for _ in range(2):
@@ -192,7 +192,7 @@ def test_wrapper_makes_its_own_device(network: Network):
 
 
 def test_wrapper_makes_one_board_of_several(network: Network):
-    """``networks`` names the boards and ``joints`` how many there are in all, each network which of them are whose."""
+    """``networks`` has the names of the boards, ``joints`` the number of axes, and each network their ranges."""
     configuration = Property.parse(
         "(name /robot/arm) (networks (upper lower)) (joints 3) (upper (0 1 0 1)) (lower (2 2 1 1))"
     )
@@ -216,13 +216,13 @@ def test_wrapper_makes_one_board_of_several(network: Network):
 @pytest.mark.parametrize("kind", ["controlBoard_nws_yarp", "controlboardwrapper2"])
 @pytest.mark.parametrize("text", ["", "(name arm)", "(name /arm) (period 0)", "(name /arm) (period fast)"])
 def test_configurations_that_cannot_be(network: Network, kind: str, text: str):
-    """They are refused with the name of the parameter."""
+    """The message names the parameter."""
     with pytest.raises(ConfigurationError, match=r"name|period"):
         find_device(kind)("wrapper", network=network).open(Property.parse(text))
 
 
 def test_one_device_is_served(network: Network):
-    """Several need a remapper."""
+    """Two devices are refused: they need a remapper."""
     wrapper = make_device("controlBoard_nws_yarp", Property({"name": "/robot/arm"}), network=network)
     boards = {name: make_device("fakeMotionControl", name=name, network=network) for name in ("one", "two")}
     with pytest.raises(DeviceError, match="one device, not 2"):
@@ -239,7 +239,7 @@ def test_one_device_is_served(network: Network):
     ],
 )
 def test_the_style_of_the_ports(network: Network, stepped: ManualClock, dialect: Dialect, parameters: str, port: str):
-    """A device of a configuration serves as the network's dialect is, unless the configuration says otherwise."""
+    """The protocol is that of the network's dialect, unless the parameter ``service`` says otherwise."""
     network.dialect = dialect
     configuration = Property.parse(f"(name /robot/arm) {parameters}")
     with closing(make_device("controlBoard_nws_yarp", configuration, network=network)) as device:

@@ -62,7 +62,7 @@ def send(source: Port, *values: float, envelope: str = "") -> None:
 
 
 def test_what_nobody_asks_for_is_not_read(newest: LatestMessage[Any], source: Port, codec: Counting):
-    """Only the first, which shows what is usual, and what is asked for; and that once."""
+    """Only the first message, which gives the usual length, and requested ones are decoded, each once."""
     for number in range(20):
         send(source, number, 2.0)
     assert codec.read == 1
@@ -73,7 +73,7 @@ def test_what_nobody_asks_for_is_not_read(newest: LatestMessage[Any], source: Po
 
 
 def test_each_is_asked_for_as_it_came(newest: LatestMessage[Any], source: Port):
-    """With its own stamp and values, whether it is as long as the one before or not."""
+    """Each message has its own stamp and values, also after one of another length."""
     for number, values in enumerate(([1.0], [2.0], [3.0, 4.0], [5.0, 6.0], [7.0], [8.0])):
         send(source, *values, envelope=f"{number} 0.5")
         latest = newest.latest
@@ -83,7 +83,7 @@ def test_each_is_asked_for_as_it_came(newest: LatestMessage[Any], source: Port):
 
 
 def test_it_is_as_old_as_its_arrival(newest: LatestMessage[Any], source: Port):
-    """Not as its reading."""
+    """The age counts from the arrival, not from the reading."""
     send(source, 1.0)
     send(source, 2.0)
     delivered = clock.now()
@@ -106,7 +106,7 @@ def test_nonsense_of_the_usual_length_is_found_out_when_it_is_read(
 
 
 def test_other_nonsense_is_found_out_at_once(newest: LatestMessage[Any], source: Port, said: list[str]):
-    """As everywhere."""
+    """An invalid message of another length closes its connection on arrival."""
     send(source, 1.0, 2.0)
     source.write(Bottle.parse("[pos] x y"))
     assert any("/source was cut off" in sentence for sentence in said)
@@ -123,7 +123,7 @@ def test_text_is_read_as_text(newest: LatestMessage[Any], network: Network):
 
 
 def test_before_the_first_there_is_none(newest: LatestMessage[Any]):
-    """And that is said."""
+    """Reading before the first message raises StaleStateError."""
     assert newest.latest is None
     assert newest.age() is None
     with pytest.raises(StaleStateError, match="no message has arrived at /newest yet"):

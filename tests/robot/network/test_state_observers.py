@@ -1,4 +1,4 @@
-"""Who is given every state of a board as it comes: in order, none of another board, and without harm to others."""
+"""Observers of a board's state: they get every state in order, and an error in one does not affect the others."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def client(network: Network, server: ControlBoardServer) -> Iterator[RemoteContr
 
 
 def test_every_state_comes(client: RemoteControlBoard, server: ControlBoardServer, stepped: ManualClock):
-    """With its time, from ``observe`` until ``unobserve``."""
+    """An observer gets each state with its time, from ``observe`` until ``unobserve``."""
     times: list[float] = []
 
     def observer(time: float, state: ExtendedState) -> None:
@@ -63,7 +63,7 @@ def test_every_state_comes(client: RemoteControlBoard, server: ControlBoardServe
 def test_one_that_raises_is_given_no_more(
     client: RemoteControlBoard, server: ControlBoardServer, stepped: ManualClock, said: list[str]
 ):
-    """It is reported once; the others, and the readings, go on."""
+    """An observer that raises an error is reported and removed; others and readings go on."""
     times: list[float] = []
 
     def broken(_time: float, _state: ExtendedState) -> None:

@@ -1,4 +1,4 @@
-"""Commands are streamed to a control board: each is carried out, or left out and told of."""
+"""Streamed commands of a control board: each is executed, or skipped and reported."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def board(stepped: ManualClock) -> CalibratedBoard:
 
 @pytest.fixture
 def server(board: CalibratedBoard, network: Network) -> Iterator[ControlBoardServer]:
-    """It on the network."""
+    """The server of the board."""
     with closing(ControlBoardServer(board, "/robot/arm", network=network)) as opened:
         yield opened
 
@@ -124,7 +124,7 @@ def test_commands_keep_their_order(network: Network, server: ControlBoardServer,
     ids=str,
 )
 def test_nonsense_is_left_out_and_told_of(network: Network, server, board, said, head, values, why):
-    """It changes nothing and is reported once; the connection goes on."""
+    """An invalid command changes nothing and is reported once; the connection stays open."""
     board.set_control_modes(ControlMode.VELOCITY)
     with commanding(network) as port:
         port.write(command(head, *values), RAW)

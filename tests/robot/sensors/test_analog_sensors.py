@@ -1,4 +1,4 @@
-"""Sensors of all categories through the network: what is published when, and how old a measurement may be."""
+"""Sensors of all categories through the network: the stream, the age of measurements, descriptions."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ TEMPERATURE = SensorCategory.TEMPERATURE
 
 @pytest.fixture
 def device() -> ScriptedSensors:
-    """One thermometer."""
+    """A device with one thermometer."""
     return ScriptedSensors()
 
 
@@ -76,13 +76,13 @@ def client(network: Network, time: ManualClock, server: AnalogSensorsServer) -> 
 
 
 def publish(server: AnalogSensorsServer, now: float) -> None:
-    """Publish, and wait until it has been taken."""
+    """Publish, and wait until the client has the message."""
     server.publish(now)
     assert server.wait(10)
 
 
 def test_messages_are_stamped(network: Network, server: AnalogSensorsServer):
-    """They are counted from 0, with the time at which they were published."""
+    """Stamps count from 0, and have the time of publishing."""
     with BufferedPort("/reader", SENSOR_MESSAGE, strict=True, network=network) as reader:
         connect(network, "/imu/measures:o", "/reader")
         for now in (1.5, 2.5):
@@ -94,7 +94,7 @@ def test_messages_are_stamped(network: Network, server: AnalogSensorsServer):
 
 
 def test_older_readers_get_ten_categories(network: Network, device: ScriptedSensors):
-    """With ten categories the message and the description have ten."""
+    """A server with ten categories has ten in its messages and its description."""
     with (
         closing(AnalogSensorsServer(device, "/old", network=network, period=0.01, categories=10)) as server,
         BufferedPort("/reader", SENSOR_MESSAGE, network=network) as reader,
@@ -114,7 +114,7 @@ def test_nothing_is_published_while_a_sensor_is_not_well(
     device: ScriptedSensors,
     problem: SensorStatus | Exception,
 ):
-    """It is reported once, naming the ports and the problem; when all is well again so are the messages."""
+    """A bad status is reported once, with ports and reason; afterwards messages are sent again."""
     with BufferedPort("/reader", SENSOR_MESSAGE, strict=True, network=network) as reader:
         connect(network, "/imu/measures:o", "/reader")
         device.status = problem if isinstance(problem, SensorStatus) else SensorStatus.OK
@@ -132,7 +132,7 @@ def test_nothing_is_published_while_a_sensor_is_not_well(
 
 
 def test_status_of_a_client(client: AnalogSensorsClient, server: AnalogSensorsServer, time: ManualClock):
-    """It waits for the first message, is well while that is young, and is late when it is not, for all sensors."""
+    """The status of all sensors is waiting before the first message, OK while it is fresh, then a time-out."""
     assert client.sensor_status(TEMPERATURE, 0) is SensorStatus.WAITING_FOR_FIRST_READ
     with pytest.raises(StaleStateError, match="no message has arrived at /me/measures:i"):
         client.read_sensor(TEMPERATURE, 0)
@@ -150,20 +150,20 @@ def test_status_of_a_client(client: AnalogSensorsClient, server: AnalogSensorsSe
 
 
 def test_by_the_machines_clock_the_arrival_counts(network: Network, server: AnalogSensorsServer):
-    """A robot whose clock is years behind is as good as any other."""
+    """The age does not depend on the clock of the robot."""
     with closing(make_client(network, timeout=30)) as client:
         publish(server, 12.0)
         assert client.sensor_status(TEMPERATURE, 0) is SensorStatus.OK
 
 
 def test_what_the_sensors_are_called(client: AnalogSensorsClient):
-    """The client knows before the first message."""
+    """The client has the names before the first message."""
     assert [*client.sensors(TEMPERATURE)] == [SensorInfo("s0", "frame", "")]
     assert not any(client.sensors(category) for category in SensorCategory if category != TEMPERATURE)
 
 
 def test_somebody_else_connects(network: Network, server: AnalogSensorsServer, time: ManualClock):
-    """With an external connection nobody is asked, and the sensors are those that come."""
+    """With an external connection no request is sent, and the sensors are those of the message."""
     with closing(make_client(network, externalConnection=True)) as client:
         assert not client.sensors(TEMPERATURE)
         assert not server.heard
@@ -176,7 +176,7 @@ def test_somebody_else_connects(network: Network, server: AnalogSensorsServer, t
 
 
 def test_a_message_without_a_sensor(network: Network, client: AnalogSensorsClient, time: ManualClock):
-    """A sensor that was described but is not in the message has no value."""
+    """Reading a sensor that is missing in the message raises NoAnswerError."""
     with BufferedPort("/other", SENSOR_MESSAGE, network=network) as other:
         other.add_output("/me/measures:i")
         other.write([[], []], envelope=f"0 {time.now()}", strict=True)
@@ -186,7 +186,7 @@ def test_a_message_without_a_sensor(network: Network, client: AnalogSensorsClien
 
 
 def test_a_server_that_ends(client: AnalogSensorsClient, server: AnalogSensorsServer, time: ManualClock):
-    """The client goes on, with measurements that grow old."""
+    """The measurements of the client become stale."""
     publish(server, time.now())
     server.close()
     time.sleep(1.0)
@@ -194,13 +194,13 @@ def test_a_server_that_ends(client: AnalogSensorsClient, server: AnalogSensorsSe
 
 
 def test_a_client_that_ends(network: Network, server: AnalogSensorsServer):
-    """The server sends to it no more."""
+    """The server has no reader any more."""
     make_client(network).close()
     assert not server.heard
 
 
 def test_no_server(network: Network):
-    """A client without a server is not opened, says what is missing, and holds nothing."""
+    """A client without a server is not opened, the message names the port, and nothing stays open."""
     with pytest.raises(DeviceError, match="/imu/rpc:o"):
         make_client(network)
     with closing(AnalogSensorsServer(ScriptedSensors(), "/imu", network=network, period=0.01)):
@@ -208,7 +208,7 @@ def test_no_server(network: Network):
 
 
 def test_a_closed_client(network: Network, server: AnalogSensorsServer):
-    """Whatever it is asked, it says that it is not open."""
+    """Every method of a closed client raises DeviceError."""
     client = make_client(network)
     client.close()
     for asked in (client.sensor_status, client.read_sensor):
@@ -228,7 +228,7 @@ def test_a_closed_client(network: Network, server: AnalogSensorsServer):
     ],
 )
 def test_wrong_parameters_of_a_client(network: Network, parameters: dict[str, object]):
-    """The sentence begins with the parameter."""
+    """The message begins with the parameter."""
     given_ = {key: value for key, value in ({"remote": "/imu"} | parameters).items() if value is not None}
     with pytest.raises(ConfigurationError, match=next(iter(parameters))):
         AnalogSensorsClient("client", network=network).open(Property(given_))
@@ -245,7 +245,7 @@ def test_wrong_parameters_of_a_server(network: Network, parameters: dict[str, ob
 
 
 def test_a_server_serves_one_device_with_sensors(network: Network):
-    """Neither none nor two, nor one without sensors, nor before it is open, nor twice."""
+    """No device, two devices, a device without sensors, and a second attachment are refused."""
     imu, battery = FakeImu("imu", network=network), FakeBattery("battery", network=network)
     imu.open(Property())
     device = AnalogSensorsDevice("server", network=network)
@@ -278,7 +278,7 @@ slow = settings(max_examples=60, deadline=None, suppress_health_check=[HealthChe
 @slow
 @given(st.one_of(bottles, st.lists(st.sampled_from(["getMetadata", "help", "get", 0, ""]), max_size=3).map(Bottle)))
 def test_any_question_is_answered(question: Bottle):
-    """With the description, with help, or with a failure."""
+    """Any request is answered with the description, help, or [fail]."""
     network = Network(LocalNames(), patience=30)
     with (
         closing(AnalogSensorsServer(ScriptedSensors(), "/imu", network=network, period=1.0)),
@@ -291,7 +291,7 @@ def test_any_question_is_answered(question: Bottle):
 @pytest.mark.fuzz
 @given(bottles)
 def test_any_description(answer: Bottle):
-    """It is one, or an error of robots."""
+    """Any answer is decoded, or raises RobotError."""
     try:
         found = read_metadata(answer, "/imu/rpc:o")
     except NoAnswerError:
@@ -306,7 +306,7 @@ def test_too_many_sensors():
 
 
 def test_a_server_that_answers_nonsense(network: Network):
-    """A client is not opened by it, and holds nothing."""
+    """A client with an invalid description is not opened, and nothing stays open."""
     with (
         RpcServer("/imu/rpc:o", lambda question: Bottle([1, 2]), network=network),
         Port("/imu/measures:o", network=network),
@@ -318,7 +318,7 @@ def test_a_server_that_answers_nonsense(network: Network):
 @pytest.mark.fuzz
 @pytest.mark.parametrize("noise", [b"", b"\xff" * 40, b"\0\1\0\0\xff\xff\xff\x7f", b"\0\1\0\0\1\0\0\0\1\0\0\0\5\0\0\0"])
 def test_any_message(network: Network, client: AnalogSensorsClient, said: list[str], noise: bytes):
-    """Who sends what is no message is cut off, and the client waits for a better one."""
+    """An invalid message closes its connection, and the next valid one is read."""
     with Port("/evil", network=network) as evil:
         evil.add_output("/me/measures:i")
         evil.write(noise, RAW)
@@ -338,14 +338,14 @@ def remapped(devices: dict[str, FakeImu], **names: list[str]) -> AnalogSensorsRe
 
 
 def imu(name: str) -> FakeImu:
-    """One whose sensors have a name."""
+    """An IMU whose sensors have a name."""
     made = FakeImu(name)
     made.open(Property({"sensorName": name}))
     return made
 
 
 def test_sensors_in_the_order_of_their_names():
-    """The remapper has the sensors that are named, of each category those that are named for it."""
+    """The remapper has the sensors that are named for each category, in this order."""
     devices = {"a": imu("left"), "b": imu("right")}
     made = remapped(devices, ThreeAxisGyroscopes=["right", "left"], OrientationSensors=["left"])
     assert [info.name for info in made.sensors(SensorCategory.GYROSCOPE)] == ["right", "left"]
@@ -360,11 +360,11 @@ def test_sensors_in_the_order_of_their_names():
 
 @pytest.mark.parametrize("names", [["left"], ["middle"]])
 def test_a_name_stands_for_one_sensor(names: list[str]):
-    """What two devices have, or none, is refused with the name."""
+    """A name that no device has, or two, is refused."""
     with pytest.raises(DeviceError, match=names[0]):
         remapped({"a": imu("left"), "b": imu("left")}, ThreeAxisGyroscopes=names)
 
 
 def test_every_category_has_a_tag():
-    """Each can be named in a configuration, by a tag of its own."""
+    """Each category has a unique tag in configurations."""
     assert len(set(CATEGORY_TAGS.values())) == len(SensorCategory)

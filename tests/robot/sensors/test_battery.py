@@ -48,7 +48,7 @@ def spoken(request: pytest.FixtureRequest, network: Network) -> Network:
 
 @pytest.fixture
 def battery(stepped: ManualClock) -> FakeBattery:
-    """A fake one that was opened at 100 s."""
+    """A fake battery that was opened at 100 s."""
     assert stepped.time == 100.0
     made = FakeBattery("battery")
     made.open(Property(RECORDED))
@@ -91,7 +91,7 @@ def test_messages_and_answers_have_the_bytes_of_a_real_battery(version: str, net
 
 
 def test_a_reading_reaches_the_client(server: BatteryServer, client: BatteryClient, stepped: ManualClock):
-    """All of it; the description comes by request."""
+    """The client has all values; the description is requested."""
     with pytest.raises(StaleStateError, match="no message has arrived"):
         client.charge()
     assert client.battery_status() is BatteryStatus.TIMEOUT
@@ -104,7 +104,7 @@ def test_a_reading_reaches_the_client(server: BatteryServer, client: BatteryClie
 
 
 def test_an_old_reading_is_not_shown(server: BatteryServer, client: BatteryClient, stepped: ManualClock):
-    """Its status is a time-out, and reading it is an error that names the age."""
+    """The status is a time-out, and reading raises an error with the age."""
     server.publish(stepped.now())
     eventually(lambda: client.battery_status() is BatteryStatus.IN_USE, "no reading arrived")
     stepped.sleep(2.0)
@@ -116,7 +116,7 @@ def test_an_old_reading_is_not_shown(server: BatteryServer, client: BatteryClien
 def test_nothing_is_published_while_the_battery_cannot_be_read(
     server: BatteryServer, client: BatteryClient, battery: FakeBattery, stepped: ManualClock, said: list[str]
 ):
-    """It is reported once, and the next good reading is sent."""
+    """An error is reported once, and the next good reading is sent."""
 
     def broken() -> float:
         raise DeviceError("the bus of the battery is silent")
@@ -138,13 +138,13 @@ def test_nothing_is_published_while_the_battery_cannot_be_read(
 )
 @pytest.mark.parametrize("dialect", VERSIONS.values(), ids=VERSIONS)
 def test_other_messages_are_no_readings(elements: list[float | str], dialect: Dialect):
-    """Of another number or type of elements, or with a status that does not exist."""
+    """Messages with another number or type of elements, or an unknown status, are refused."""
     with pytest.raises(BottleError):
         BATTERY_READING.decode(encode(Bottle(elements), dialect), dialect)
 
 
 def test_whole_numbers_are_numbers():
-    """As a person types them: ``yarp write`` sends 50 as an integer."""
+    """Integers are accepted, because ``yarp write`` sends 50 as one."""
     assert BATTERY_READING.from_text("50 30 3 20 2") == BatteryReading(50.0, 30.0, 3.0, 20.0, BatteryStatus.IN_USE)
 
 
@@ -164,7 +164,7 @@ def test_the_status_follows_from_charge_and_current(charge: float, current: floa
 
 
 def test_the_fake_battery_runs_down(battery: FakeBattery, stepped: ManualClock):
-    """By 3 per cent a minute, until it is empty."""
+    """Its charge falls by 3 per cent a minute, until it is empty."""
     stepped.sleep(60.0)
     assert battery.charge() == pytest.approx(77.0)
     stepped.sleep(3600.0)
@@ -174,7 +174,7 @@ def test_the_fake_battery_runs_down(battery: FakeBattery, stepped: ManualClock):
 
 @pytest.mark.parametrize("parameters", [{"charge": "half"}, {"voltage": float("inf")}])
 def test_wrong_parameters_of_a_fake(parameters: dict[str, object]):
-    """They are numbers."""
+    """A parameter that is not a number is refused."""
     with pytest.raises(ConfigurationError, match=f"{next(iter(parameters))}.*is not a number"):
         make_device("fakeBattery", Property(parameters))
 
@@ -202,7 +202,7 @@ def test_a_server_serves_batteries_only(network: Network):
 
 
 def test_a_client_needs_its_server(network: Network):
-    """It holds no ports afterwards, and cannot be used."""
+    """Without a server it is not opened, and holds no ports."""
     client = BatteryClient("client", network=network)
     with pytest.raises(DeviceError, match="running"):
         client.open(Property({"remote": NAME}))
@@ -212,7 +212,7 @@ def test_a_client_needs_its_server(network: Network):
 
 
 def test_refusals_are_told(server: BatteryServer, client: BatteryClient, battery: FakeBattery):
-    """By the code of the answer, in both dialects."""
+    """A refusal has the code of the answer, in both dialects."""
 
     def refuses() -> str:
         raise RefusedError("no")

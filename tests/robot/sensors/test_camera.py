@@ -45,7 +45,7 @@ SMALL = {"width": 64, "height": 48, "period": 0.002}
 
 
 def make_camera(**more: object) -> FakeFrameGrabber:
-    """A small one."""
+    """A small camera."""
     made = FakeFrameGrabber("camera")
     made.open(Property(SMALL | more))
     return made
@@ -63,12 +63,12 @@ class TestFake(FrameGrabberContract):
 
     @pytest.fixture
     def camera(self) -> FakeFrameGrabber:
-        """A small one."""
+        """A small camera."""
         return make_camera()
 
     @pytest.fixture
     def controls(self, camera: FakeFrameGrabber) -> FakeFrameGrabber:
-        """It is its own."""
+        """The camera has its own controls."""
         return camera
 
 
@@ -85,11 +85,11 @@ class TestFake(FrameGrabberContract):
     ids=str,
 )
 class TestThroughTheNetwork(FrameGrabberContract):
-    """The server of either version and the client, with images as a stream by each carrier, or asked for."""
+    """Server and client of either version, with images streamed by each carrier, or requested."""
 
     @pytest.fixture
     def camera(self, network: Network, dialect: Dialect, parameters: dict[str, object]) -> Iterator[FrameGrabberClient]:
-        """At the other end of the network."""
+        """The client of a served camera."""
         with ExitStack() as opened:
             server = opened.enter_context(closing(FrameGrabberDevice("server", network=network.in_dialect(dialect))))
             server.open(Property({"name": "/cam", "period": 0.002}))
@@ -100,7 +100,7 @@ class TestThroughTheNetwork(FrameGrabberContract):
 
     @pytest.fixture
     def controls(self, camera: FrameGrabberClient) -> FrameGrabberClient:
-        """It is its own."""
+        """The camera has its own controls."""
         return camera
 
 
@@ -126,7 +126,7 @@ def test_the_picture_of_the_fake():
 
 
 class StillCamera(IFrameGrabber):
-    """Shows one image until it is given another one."""
+    """A camera with the same image until the test sets another one."""
 
     def __init__(self, image: Image) -> None:
         self.shown = (image, 1.25)
@@ -154,7 +154,7 @@ GREY = Image(np.arange(12, dtype=np.uint8).reshape(3, 4), "mono")
 
 
 def test_images_are_taken_for_readers_and_sent_once(network: Network):
-    """Without readers the camera rests; the same image is not sent twice; the stamps count images sent."""
+    """Without readers no image is taken; the same image is not sent twice; stamps count sent images."""
     camera = StillCamera(GREY)
     with closing(FrameGrabberServer(camera, "/cam", network=network, period=0.01, strict=True)) as server:
         server.publish(5.0)
@@ -172,7 +172,7 @@ def test_images_are_taken_for_readers_and_sent_once(network: Network):
 
 
 def test_raw_images(network: Network):
-    """They are sent as the camera gives them, and can be asked for as such."""
+    """Raw images are sent unchanged, and can be requested."""
     with (
         closing(FrameGrabberServer(StillCamera(GREY), "/cam", network=network, period=0.01, raw=True)) as server,
         BufferedPort("/reader", IMAGE, network=network) as reader,
@@ -187,7 +187,7 @@ def test_raw_images(network: Network):
 
 
 def test_a_camera_that_fails(network: Network, said: list[str]):
-    """It is reported once, and the port goes on."""
+    """An error is reported once, and later images are sent."""
     camera = StillCamera(GREY)
     camera.image = lambda: 1 / 0  # type: ignore[method-assign]
     with (
@@ -268,7 +268,7 @@ def test_a_camera_that_fails(network: Network, said: list[str]):
     ],
 )
 def test_questions_and_answers(network: Network, question: str, answer: str):
-    """Each question is answered as the vocabulary has it, types included."""
+    """Each request has the answer of the vocabulary, with its types."""
     camera = make_camera()
     with (
         closing(FrameGrabberServer(camera, "/cam", network=network, period=0.5)),
@@ -278,7 +278,7 @@ def test_questions_and_answers(network: Network, question: str, answer: str):
 
 
 def test_a_part_of_the_image():
-    """Both corners belong to it, in whatever order they are given."""
+    """A part includes both corners, which may be given in any order."""
     camera = StillCamera(Image(np.arange(60, dtype=np.uint8).reshape(4, 5, 3), "rgb"))
     responder = CameraResponder(camera, None, 1.0)
     for corners in ("(1 2 3 3)", "(3 3 1 2)", "(1 3 3 2)"):
@@ -287,7 +287,7 @@ def test_a_part_of_the_image():
 
 
 def test_intrinsic_parameters():
-    """They are those of a pinhole with the camera's field of view, by YARP's names."""
+    """The parameters are those of a pinhole with the camera's field of view, with YARP's names."""
     answer = CameraResponder(StillCamera(GREY), None, 1.0).answer(Bottle.parse("[visr] [get] [intp]"))
     found = Property.from_bottle(answer[3])
     assert found.find("focalLengthX") == pytest.approx(2 / np.tan(np.radians(30)))
@@ -296,7 +296,7 @@ def test_intrinsic_parameters():
 
 
 def test_a_camera_without_controls(network: Network):
-    """It has none, says so, and shows its image all the same."""
+    """Requests to controls are refused, and the image can be read."""
     with (
         closing(FrameGrabberServer(StillCamera(GREY), "/cam", network=network, period=0.5)),
         closing(make_client(network, no_stream=True)) as client,
@@ -324,7 +324,7 @@ bottles = st.lists(
 @settings(max_examples=120, deadline=None)
 @given(bottles)
 def test_any_question_is_answered(question: Bottle):
-    """The port answers whatever it is asked, and an unknown error is never what a question causes."""
+    """Any request is answered, and no exception escapes."""
     said: list[str] = []
     network = Network(LocalNames(), patience=30, report=said.append)
     camera = make_camera()
@@ -339,7 +339,7 @@ def test_any_question_is_answered(question: Bottle):
 
 
 def test_images_grow_old(network: Network):
-    """Before the first one there is none, and one that is too old is not given."""
+    """Reading before the first image, or after the timeout, raises StaleStateError."""
     with (
         clock.use(ManualClock()) as time,
         closing(FrameGrabberServer(make_camera(), "/cam", network=network, period=0.01)) as server,
@@ -362,7 +362,7 @@ def test_no_server(network: Network):
 
 
 def test_a_closed_client(network: Network):
-    """It says that it is not open."""
+    """Its methods raise DeviceError."""
     client = FrameGrabberClient("client", network=network)
     for asked in (client.width, client.image, client.field_of_view):
         with pytest.raises(DeviceError, match="not open"):
@@ -371,7 +371,7 @@ def test_a_closed_client(network: Network):
 
 @pytest.mark.parametrize("parameters", [{"capabilities": "INFRARED"}, {"name": "cam"}, {"period": "often"}])
 def test_wrong_parameters(network: Network, parameters: dict[str, object]):
-    """The sentence begins with the parameter."""
+    """The message begins with the parameter."""
     with pytest.raises(ConfigurationError, match=next(iter(parameters))):
         FrameGrabberDevice("server", network=network).open(Property(parameters))
 
@@ -387,7 +387,7 @@ ANSWERS = st.one_of(
 @settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.sampled_from(["[nak]", "([ok]) 64"]), st.lists(ANSWERS, min_size=6, max_size=6))
 def test_any_answer(version: str, answers: list[Bottle]):
-    """Whatever a server of either version answers, the client gives the right kind, or an error of robots."""
+    """Any answer gives a value of the right type, or raises RobotError."""
     network = Network(LocalNames(), patience=30)
     left = iter([Bottle.parse(version), *answers])
     with (
@@ -410,7 +410,7 @@ def test_any_answer(version: str, answers: list[Bottle]):
 
 
 def test_an_image_too_large(network: Network):
-    """A server that says that its images are huge is not believed."""
+    """An invalid size of images is refused."""
     with (
         RpcServer("/cam/rpc", lambda question: Bottle.parse("[fgi] [w] [is] 2000000000"), network=network),
         closing(make_client(network, no_stream=True)) as client,
@@ -420,7 +420,7 @@ def test_an_image_too_large(network: Network):
 
 
 def test_any_message(network: Network, said: list[str]):
-    """Who sends what is no image is cut off, and the client waits for a better one."""
+    """An invalid message closes its connection, and the next image is read."""
     with (
         closing(FrameGrabberServer(make_camera(), "/cam", network=network, period=0.01)),
         closing(make_client(network)) as client,

@@ -47,7 +47,7 @@ class TestFakeImu(MultipleAnalogSensorsContract):
 
     @pytest.fixture
     def sensors(self, opened: Open) -> Device:
-        """A fast one."""
+        """A fake IMU with a short period."""
         return opened(FakeImu, period=1)
 
 
@@ -56,7 +56,7 @@ class TestRemapper(MultipleAnalogSensorsContract):
 
     @pytest.fixture
     def sensors(self, opened: Open) -> Device:
-        """In another device."""
+        """The remapper of another device."""
         names = {f"{tag}Names": ["sensorName"] for tag in ("ThreeAxisGyroscopes", "OrientationSensors")}
         return opened(AnalogSensorsRemapper, opened(FakeImu, period=1), **names)
 
@@ -67,7 +67,7 @@ class TestThroughTheNetwork(MultipleAnalogSensorsContract):
 
     @pytest.fixture
     def sensors(self, opened: Open, carrier: str) -> IMultipleAnalogSensors:
-        """At the other end of the network."""
+        """The client of a served device."""
         opened(AnalogSensorsDevice, opened(FakeImu, period=1), name="/icub/imu", period=2)
         client = opened(AnalogSensorsClient, remote="/icub/imu", local="/me", carrier=carrier, timeout=30)
         eventually(lambda: is_well(client), "nothing comes")
@@ -79,7 +79,7 @@ class TestInertial(MultipleAnalogSensorsContract):
 
     @pytest.fixture
     def sensors(self, opened: Open) -> IMultipleAnalogSensors:
-        """At the other end of the network."""
+        """The client of a served device."""
         opened(InertialDevice, opened(FakeImu, period=1), name="/icub/inertial", period=0.002)
         client = opened(InertialClient, remote="/icub/inertial", local="/me", timeout=30)
         eventually(lambda: is_well(client), "nothing comes")
@@ -100,7 +100,7 @@ class TestInertial(MultipleAnalogSensorsContract):
     ],
 )
 def test_types_of_devices(network: Network, kind: str, parameters: dict[str, object]):
-    """Each type that a configuration names can be made, and closed as often as one likes."""
+    """Each device type can be made, and closed repeatedly."""
     device = make_device(kind, Property(parameters), network=network)
     device.close()
     device.close()

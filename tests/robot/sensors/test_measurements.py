@@ -1,4 +1,4 @@
-"""All measurements of a device, at once or one by one: servers tell the same either way."""
+"""All measurements of a device, at once or one by one: servers publish the same."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 class QuickSensors(ScriptedSensors, IMeasurementsSource):
-    """The same, which also give all at once. ``asked`` is how often they were."""
+    """Sensors that are also read all at once; ``asked`` counts these readings."""
 
     asked = 0
 
@@ -47,7 +47,7 @@ def readings(*values: float) -> list[SensorReading]:
 
 
 def test_a_device_by_its_interface():
-    """As many categories as are wanted, with the readings of the sensors that are there."""
+    """The readings of all sensors in the requested number of categories."""
     measured = [readings(1.0), readings(2.0, 3.0), [], readings(4.0)]
     for categories in (12, 10):
         found = DeviceMeasurements(ScriptedSensors(measured), categories).read_all()
@@ -55,7 +55,7 @@ def test_a_device_by_its_interface():
 
 
 def test_a_sensor_that_is_not_well_is_named():
-    """And nothing is reported."""
+    """The error names the sensor, and nothing is published."""
     sensors = ScriptedSensors([readings(1.0)])
     source = DeviceMeasurements(sensors)
     sensors.status = SensorStatus.OVERFLOW
@@ -65,7 +65,7 @@ def test_a_sensor_that_is_not_well_is_named():
 
 @pytest.mark.parametrize("categories", [12, 10])
 def test_a_source_is_asked_once_a_message(network: Network, said: list[str], categories: int):
-    """It tells of all categories; readers get as many as they are to."""
+    """A source is read once for a message, which has the requested number of categories."""
     sensors = QuickSensors([readings(1.0), readings(2.0)])
     with (
         closing(
@@ -89,7 +89,7 @@ def test_a_source_is_asked_once_a_message(network: Network, said: list[str], cat
 
 @pytest.mark.parametrize(("more", "asked"), [([], 1), ([readings(9.0)], 0)], ids=["alone", "with others"])
 def test_twelve_numbers_of_a_source(network: Network, more: list[list[SensorReading]], asked: int):
-    """One that has other sensors, too, is asked one by one: of those it does not matter how they are."""
+    """A source with other sensors, too, is read one by one, so that their status does not matter."""
     sensors = QuickSensors([readings(1.0), readings(2.0), [], readings(7.0), *more])
     with (
         closing(InertialServer(sensors, "/inertial", network=network, period=0.01)) as server,

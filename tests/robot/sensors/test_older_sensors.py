@@ -40,7 +40,7 @@ def time() -> Iterator[ManualClock]:
 
 @pytest.fixture
 def sensor() -> FakeAnalogSensor:
-    """Six channels."""
+    """A sensor with six channels."""
     made = FakeAnalogSensor("ft")
     made.open(Property())
     return made
@@ -62,7 +62,7 @@ def make_client(network: Network, **more: object) -> AnalogClient:
 
 @pytest.mark.parametrize("carrier", ["tcp", "fast_tcp", "udp"])
 def test_channels_through_the_network(network: Network, server: AnalogServer, time: ManualClock, carrier: str):
-    """The client reads what the sensor showed and when, until it is too old."""
+    """The client has the values and their time, until they are stale."""
     with closing(make_client(network, carrier=carrier)) as client:
         assert client.channels() == 0
         with pytest.raises(StaleStateError):
@@ -114,13 +114,13 @@ def test_calibration_through_the_network(
     ],
 )
 def test_questions_and_answers(network: Network, server: AnalogServer, question: str, answer: str):
-    """A calibration is answered by how it went, 0 or 1; anything else fails."""
+    """A calibration is answered with 0 or 1, anything else with [fail]."""
     with RpcClient("/rpc", "/ft/rpc:i", network=network) as rpc:
         assert rpc.call(Bottle.parse(question), timeout=10) == Bottle.parse(answer)
 
 
 def test_channels_divided_among_ports(network: Network, sensor: FakeAnalogSensor, time: ManualClock):
-    """Each port shows its share, at its own places; all with the same stamp."""
+    """Each port has its channels at its places, and all have the same stamp."""
     device = AnalogDevice("server", network=network)
     configuration = {"name": "/ft", "ports": ["left", "/far"], "left": [0, 3, 0, 3], "/far": [1, 2, 4, 5]}
     device.open(Property(configuration | {"period": 1000}))
@@ -143,7 +143,7 @@ def test_channels_divided_among_ports(network: Network, sensor: FakeAnalogSensor
 
 @pytest.mark.parametrize("numbers", [None, [0, 1, 2], [3, 1, 3, 1], [0, 5, 0, 2], [-1, 0, -1, 0], [0, 1, 0, "a"]])
 def test_wrong_shares(network: Network, numbers: list[object] | None):
-    """A port of which it is not said which channels it shows is refused with its name."""
+    """A port without valid channels is refused by name."""
     given_ = {"name": "/ft", "ports": ["left"]} | ({} if numbers is None else {"left": numbers})
     with pytest.raises(ConfigurationError, match="left"):
         AnalogDevice("server", network=network).open(Property(given_))
@@ -158,7 +158,7 @@ def test_more_channels_than_there_are(network: Network, sensor: FakeAnalogSensor
 
 
 def test_a_sensor_that_fails(network: Network, said: list[str], server: AnalogServer, sensor: FakeAnalogSensor):
-    """It is reported once."""
+    """An error is reported once."""
     sensor.read = lambda: 1 / 0  # type: ignore[method-assign]
     with Port("/reader", lambda delivery: None, network=network):
         connect(network, "/ft", "/reader")
@@ -181,7 +181,7 @@ questions = st.builds(
 @settings(max_examples=40, deadline=None)
 @given(questions, questions)
 def test_any_question_and_any_answer(question: Bottle, answer: Bottle):
-    """The server answers each; the client takes each for what it is, or for an error of robots."""
+    """Any request is answered; any answer is accepted, or raises RobotError."""
     said: list[str] = []
     network = Network(LocalNames(), patience=30, report=said.append)
     sensor = FakeAnalogSensor("ft")
@@ -239,7 +239,7 @@ def test_an_inertial_sensor_that_is_not_well(network: Network, said: list[str]):
 
 
 def test_another_number_of_numbers(network: Network, time: ManualClock):
-    """A client that gets eleven says so."""
+    """A message of eleven numbers raises NoAnswerError."""
     with ExitStack() as opened:
         port = opened.enter_context(BufferedPort("/inertial", VECTOR, network=network))
         client = opened.enter_context(closing(InertialClient("client", network=network)))

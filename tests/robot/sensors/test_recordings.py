@@ -1,4 +1,4 @@
-"""What real IMUs, cameras and their clients said, replayed: our servers and clients in either place."""
+"""Recordings of real IMUs, cameras and their clients, replayed with our servers and clients."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def version(request: pytest.FixtureRequest, network: Network) -> str:
 
 
 def put(contact: Contact, talk: list[Segment]) -> None:
-    """Be the recorded client: say what it said, and compare what comes back; the port's number is our own."""
+    """Replay the recorded client, and compare the answers; only the number of the port differs."""
     with socket.create_connection((contact.host, contact.port), timeout=10) as connection:
         for number, (way, data) in enumerate(talk):
             if way == ">":
@@ -86,7 +86,7 @@ def messages(talk: list[Segment]) -> list[tuple[str, bytes]]:
 
 @pytest.mark.parametrize("talk", ["metadata", "imu_help"])
 def test_questions_to_an_imu(network: Network, version: str, talk: str):
-    """What its sensors are called, and the help, are answered to the byte."""
+    """The answers with the description and the help have the same bytes."""
     imu = FakeImu("imu")
     imu.open(Property({"period": 10}))
     with closing(AnalogSensorsServer(imu, "/icubSim/inertial", network=network, period=0.01)):
@@ -94,7 +94,7 @@ def test_questions_to_an_imu(network: Network, version: str, talk: str):
 
 
 def test_the_stream_of_an_imu(network: Network, version: str):
-    """A real client's administration is answered to the byte, and what then goes to it are the same messages."""
+    """The answers to a real client's administration and the messages have the same bytes."""
     listed, added = map(segments, RECORDED[version]["administration"])
     talk = segments(RECORDED[version]["measures"])
     sent = messages(talk)
@@ -121,7 +121,7 @@ def test_the_stream_of_an_imu(network: Network, version: str):
 
 @pytest.mark.parametrize(("version", "talk"), QUESTIONS)
 def test_questions_to_a_camera(network: Network, version: str, talk: list[list[str]]):
-    """The help, and what a camera of either version does not understand, are answered as it did, to the byte."""
+    """The help, and the answers to unknown requests of either version, have the same bytes."""
     network.dialect = VERSIONS[version]
     camera = FakeFrameGrabber("camera")
     camera.open(Property())
@@ -173,7 +173,7 @@ def test_the_head_of_an_image(network: Network, version: str):
 
 
 def test_a_client_of_a_real_imu(network: Network, version: str):
-    """It asks and connects as a real client does, to the byte, and reads what the real IMU measured."""
+    """Our client sends the bytes of a real one, and has the measurements of the real IMU."""
     asked = segments(RECORDED[version]["metadata"])
     added = segments(RECORDED[version]["administration"][1])
     talk = segments(RECORDED[version]["measures"])
@@ -201,7 +201,7 @@ def test_a_client_of_a_real_imu(network: Network, version: str):
 
 @pytest.mark.parametrize("expected", [Dialect.YARP3, Dialect.YARP4])
 def test_an_image_of_a_real_camera(network: Network, version: str, expected: Dialect):
-    """The client shows it with the time at which it was taken, also when another dialect was expected."""
+    """The client has the image with its time, also if another dialect was expected."""
     network.dialect = expected
     talk = segments(RECORDED[version]["image"])
     (envelope, body) = messages(talk)[0]

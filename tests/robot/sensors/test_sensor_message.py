@@ -1,4 +1,4 @@
-"""The message of many sensors: to the byte as programs send it, bounded, and readable in whatever types it comes."""
+"""The message of many sensors: its bytes, its bounds, and its other types of numbers."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def blocks(message: Measurements, dialect: Dialect = THREE) -> bytes:
 
 
 def same(one: Measurements, other: Measurements) -> bool:
-    """Whether two messages say the same, what is no number included."""
+    """Return whether two messages are equal, NaN included."""
     flat = [[(reading.values.tobytes(), reading.time) for reading in category] for category in one]
     return flat == [[(reading.values.tobytes(), reading.time) for reading in category] for category in other]
 
@@ -44,7 +44,7 @@ def recorded(version: str) -> list[bytes]:
 
 @pytest.mark.parametrize("version", VERSIONS)
 def test_messages_of_a_real_imu(version: str):
-    """Read, they are four sensors in twelve categories with what they showed; written again, the same bytes."""
+    """They have four sensors in twelve categories; encoded again they have the same bytes."""
     bodies = recorded(version)
     assert len(bodies) > 5
     for body in bodies:
@@ -67,7 +67,7 @@ def test_bytes_of_a_message():
 
 @pytest.mark.parametrize("values", [np.array([1, 2], dtype="f4"), np.arange(1.0, 4.0, 0.5)[:4:2], np.arange(3)[1:]])
 def test_arrays_of_other_types_are_written_as_doubles(values: np.ndarray):
-    """Whatever a device measures with, and however it lies in memory."""
+    """Arrays of any type and memory layout are encoded as doubles."""
     message = [[SensorReading(values, 2.5)], [], [SensorReading(np.zeros(0), 1.0)]]
     usual = [[SensorReading(np.array([1.0, 2.0]), 2.5)], [], [SensorReading(np.zeros(0), 1.0)]]
     assert blocks(message) == blocks(usual)
@@ -75,7 +75,7 @@ def test_arrays_of_other_types_are_written_as_doubles(values: np.ndarray):
 
 @given(measurements, st.sampled_from(Dialect))
 def test_what_is_written_is_read(message: Measurements, dialect: Dialect):
-    """Any message comes back as it was, in arrays of its own, also with something behind it."""
+    """Any message is the same after encoding and decoding, also if other data follow."""
     data = bytearray(blocks(message, dialect) + b"behind")
     read, end = SENSOR_MESSAGE.decode_from(data, dialect)
     assert end == len(data) - 6
@@ -85,7 +85,7 @@ def test_what_is_written_is_read(message: Measurements, dialect: Dialect):
 
 @given(measurements, st.data())
 def test_a_message_that_is_cut_off(message: Measurements, data: st.DataObject):
-    """Anyone who reads a part of it is told that more is wanted."""
+    """A part of a message raises TruncatedBottleError."""
     whole = blocks(message)
     with pytest.raises(TruncatedBottleError) as caught:
         SENSOR_MESSAGE.decode_from(whole[: data.draw(st.integers(0, len(whole) - 1))], THREE)
@@ -95,7 +95,7 @@ def test_a_message_that_is_cut_off(message: Measurements, data: st.DataObject):
 @pytest.mark.fuzz
 @given(st.binary(max_size=200), measurements, st.integers(0, 200), st.sampled_from(Dialect))
 def test_any_bytes(noise: bytes, message: Measurements, place: int, dialect: Dialect):
-    """They are a message or an error of ours, and nothing else."""
+    """Any bytes are a message, or raise RtfError."""
     whole = blocks(message)
     for data in (noise, whole[:place] + noise + whole[place + len(noise) :]):
         try:
@@ -116,7 +116,7 @@ def test_what_somebody_types(text: str):
 
 @pytest.mark.parametrize("text", ["1", "hello", "(1)", "((1 2))", "(((1 a) 2))", "(((1) 2 3))", "(((1) a))", "((a 1))"])
 def test_what_is_no_message(text: str):
-    """Anything that is not lists of sensors is refused."""
+    """Anything but lists of sensors raises BottleError."""
     with pytest.raises(BottleError):
         SENSOR_MESSAGE.from_text(text)
 
@@ -135,7 +135,7 @@ def test_what_is_no_message(text: str):
     ids=lambda data: data[:32].hex(" ", 4),
 )
 def test_sizes_are_bounded(data: bytes):
-    """However many sensors or values are announced, nothing is kept for what is not there, or for too many."""
+    """No memory is allocated for announced sensors or values that are missing or too many."""
     tracemalloc.start()
     with pytest.raises(BottleError):
         SENSOR_MESSAGE.decode(data, THREE)

@@ -1,4 +1,4 @@
-"""Which words a client puts over which connection, how it reads the answers, and what it refuses itself."""
+"""The requests and commands of a client, its reading of answers, and its refusals of invalid arguments."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ STREAMED: list[tuple[str, list[float], Callable[[RemoteControlBoard], object]]] 
 
 @pytest.mark.parametrize(("words", "call"), TOLD, ids=[words for words, _ in TOLD])
 def test_commands_are_put_in_the_words_of_the_protocol(network: Network, words: str, call: Callable[..., object]):
-    """One joint, a group and all of them each have a form of their own."""
+    """One joint, a group and all joints have different words."""
     with ScriptedBoard("/board", network) as board, client_of(board, network) as client:
         call(client)
         assert board.asked == [words]
@@ -140,7 +140,7 @@ def test_commands_are_put_in_the_words_of_the_protocol(network: Network, words: 
 
 @pytest.mark.parametrize(("words", "answer", "call", "value"), ASKED, ids=[one[0] for one in ASKED])
 def test_answers_are_read(network: Network, words: str, answer: str, call: Callable[..., object], value: object):
-    """The data are found between the echo and the stamp, whatever the family of the question."""
+    """The data are between the echo and the stamp, for every family of requests."""
     with (
         ScriptedBoard("/board", network, answer=lambda _: Bottle.parse(answer)) as board,
         client_of(board, network) as client,
@@ -151,7 +151,7 @@ def test_answers_are_read(network: Network, words: str, answer: str, call: Calla
 
 @pytest.mark.parametrize(("head", "values", "call"), STREAMED, ids=[one[0] for one in STREAMED])
 def test_references_are_streamed(network: Network, head: str, values: list[float], call: Callable[..., object]):
-    """They go over the port for commands, with their numbers as a vector, and nothing is asked."""
+    """Streamed commands use their own port, with the values as a vector; no request is sent."""
     with ScriptedBoard("/board", network) as board, client_of(board, network) as client:
         call(client)
         command = board.commands.read(timeout=10)
@@ -161,7 +161,7 @@ def test_references_are_streamed(network: Network, head: str, values: list[float
 
 @pytest.mark.parametrize("strict", ["on", None])
 def test_single_commands_are_never_left_out(network: Network, strict: str | None):
-    """Those of one joint wait for the one before; those of several do when writeStrict says so."""
+    """A command of one joint waits for the previous one; one of several does with writeStrict."""
     joints: int | list[int] = [0, 1] if strict else 1
     with ScriptedBoard("/board", network) as board, client_of(board, network, writeStrict=strict) as client:
         for number in range(200):
@@ -172,7 +172,7 @@ def test_single_commands_are_never_left_out(network: Network, strict: str | None
 
 @pytest.mark.parametrize("joints", [3, -1, [0, 3], 2**40])
 def test_joints_that_do_not_exist_are_refused_here(network: Network, joints: Any):
-    """Reading, asking and above all streaming, which nobody answers; the sentence names the board and the joint."""
+    """This holds for readings, requests and streamed commands; the message names the board and the joint."""
     values = 0.0 if isinstance(joints, int) else [0.0, 0.0]
     wrong = joints if isinstance(joints, int) else 3
     with ScriptedBoard("/board", network) as board, client_of(board, network) as client:
@@ -190,7 +190,7 @@ def test_joints_that_do_not_exist_are_refused_here(network: Network, joints: Any
 
 @pytest.mark.parametrize("values", [math.nan, math.inf, [1.0, 2.0]])
 def test_values_that_make_no_sense_are_not_sent(network: Network, values: Any):
-    """No robot gets a number that is none, nor two for one joint."""
+    """NaN, infinity and a wrong number of values are refused before anything is sent."""
     with ScriptedBoard("/board", network) as board, client_of(board, network) as client:
         for call in (client.position_move, client.set_positions, client.set_reference_torques):
             with pytest.raises(RefusedError, match=r"^/board: "):
@@ -215,7 +215,7 @@ ANSWERS = st.one_of(
 
 
 def test_whatever_a_board_answers_is_an_answer_or_an_error_of_robots(network: Network):
-    """Every question of the client survives every answer, and a board that talked nonsense may be asked again."""
+    """Any answer gives a value or a RobotError, and the next request is possible."""
     calls = [*(call for _, call in TOLD), *(call for _, _, call, _ in ASKED)]
     complaints: list[str] = []
     with ScriptedBoard("/board", network) as board, client_of(board, network) as client:

@@ -1,4 +1,4 @@
-"""A question that is written from its parts is, byte for byte, the bottle that they make together."""
+"""The codec of requests: the bytes that it writes from parts are those of the whole bottle."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ ARGUMENTS: list[tuple[Value, ...]] = [
 @pytest.mark.parametrize("dialect", Dialect)
 @pytest.mark.parametrize("arguments", ARGUMENTS, ids=str)
 def test_bytes_are_those_of_the_bottle(arguments: tuple[Value, ...], dialect: Dialect):
-    """Of every question there is, and with whatever arguments."""
+    """This holds for every request, with any arguments."""
     for question in QUESTIONS:
         whole = Bottle([*question.words, *arguments])
         asked = question, arguments
@@ -43,7 +43,7 @@ def test_bytes_are_those_of_the_bottle(arguments: tuple[Value, ...], dialect: Di
 
 
 def test_a_bottle_is_written_as_one():
-    """The codec is one for bottles, too."""
+    """The codec encodes plain bottles, too."""
     bottle = Bottle.parse("[get] [pos] 3")
     assert REQUEST.encode(bottle, Dialect.YARP3) == [encode(bottle)]
     assert REQUEST.to_text(bottle) == "[get] [pos] 3"
@@ -51,12 +51,12 @@ def test_a_bottle_is_written_as_one():
 
 @pytest.mark.parametrize("word", [GET, SET, IS, OK, FAIL, NAK, STAMP, PROTOCOL_VERSION], ids=str)
 def test_words_are_read_into_the_same_objects(word: Vocab):
-    """They are told by identity, which only is quicker than to compare them; that they are equal counts in the end."""
+    """Decoded words are shared objects, so that an identity check is enough in the usual case."""
     assert decode(encode(Bottle([word, 1])))[0] is word
 
 
 def test_words_of_the_questions_are_those_of_the_table():
-    """One question of a kind, in full."""
+    """One request of each kind is compared in full."""
     (question, *_) = GETTING["motion_done"].values()
     assert isinstance(question, Request)
     assert Bottle([*question.words]).to_text() == "[get] [don]"

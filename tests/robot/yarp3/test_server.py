@@ -301,20 +301,20 @@ def board(stepped: ManualClock) -> CalibratedBoard:
 
 @pytest.fixture
 def server(board: CalibratedBoard, network: Network) -> Iterator[ControlBoardServer]:
-    """It on the network."""
+    """The server of the board."""
     with closing(ControlBoardServer(board, "/robot/arm", network=network)) as opened:
         yield opened
 
 
 @pytest.fixture
 def client(server: ControlBoardServer, network: Network) -> Iterator[RpcClient]:
-    """Somebody who asks."""
+    """A client of its RPC port."""
     with RpcClient("/client", "/robot/arm/rpc:i", network=network) as opened:
         yield opened
 
 
 def lines() -> Iterator[tuple[str, str]]:
-    """The questions and answers."""
+    """The requests and answers of the recorded conversation."""
     for line in CONVERSATION.strip().splitlines():
         if line:
             question, _, answer = line.partition(" > ")
@@ -322,7 +322,7 @@ def lines() -> Iterator[tuple[str, str]]:
 
 
 def test_every_question_has_its_answer(client: RpcClient, board: CalibratedBoard, stepped: ManualClock):
-    """Word for word, type for type, with stamps that count on and tell the robot's time."""
+    """Answers have the expected words and types, and stamps with consecutive counts and the robot's time."""
     numbers = count()
     for question, expected in lines():
         asked = Bottle.parse(question)
@@ -350,7 +350,7 @@ def test_every_question_has_its_answer(client: RpcClient, board: CalibratedBoard
 
 
 def test_the_conversation_leaves_nothing_out():
-    """Every row of the table is got and set in it, as far as the protocol lets it, and answered."""
+    """Every row of the table has a get and a set in the conversation, as far as the protocol has them."""
     answered = {
         " ".join(question.replace("[", "").replace("]", "").split()[:3])
         for question, answer in lines()
@@ -375,7 +375,7 @@ def test_bytes_of_an_answer(client: RpcClient):
 
 
 def test_a_device_without_an_interface_fails(network: Network, stepped: ManualClock):
-    """What it has not got is answered with failure, and the rest works."""
+    """Requests of a missing interface are answered [fail]; others work."""
     with (
         closing(ControlBoardServer(Axes(), "/robot/arm", network=network)),
         RpcClient("/client", "/robot/arm/rpc:i", network=network) as asking,
@@ -386,7 +386,7 @@ def test_a_device_without_an_interface_fails(network: Network, stepped: ManualCl
 
 
 def test_a_broken_device_is_told_of_and_survived(network: Network, stepped: ManualClock, said: list[str]):
-    """An error of the device that is none of a robot's is answered with failure, and reported with the question."""
+    """An unexpected error of a device is answered [fail], and reported with the request."""
     with (
         closing(ControlBoardServer(Axes(), "/robot/arm", network=network)),
         RpcClient("/client", "/robot/arm/rpc:i", network=network) as asking,
@@ -397,7 +397,7 @@ def test_a_broken_device_is_told_of_and_survived(network: Network, stepped: Manu
 
 
 def test_clients_do_not_wait_for_each_other(network: Network, stepped: ManualClock):
-    """While the device is busy with one client's question it answers another's."""
+    """A request of one client is answered while one of another client is being executed."""
     busy, go_on = threading.Event(), threading.Event()
 
     class Slow(CalibratedBoard):
@@ -421,7 +421,7 @@ def test_clients_do_not_wait_for_each_other(network: Network, stepped: ManualClo
 @settings(max_examples=75, deadline=None)
 @given(question=QUESTIONS)
 def test_any_question_is_answered(question: Bottle):
-    """Whatever is asked, there is an answer that can be sent, and no error of ours in it."""
+    """Any request has an answer that can be encoded, and no exception escapes."""
     said: list[str] = []
     with clock.use(ManualClock()):
         answer = ControlBoardRequests(CalibratedBoard(), said.append).answer(question)
@@ -433,7 +433,7 @@ def test_any_question_is_answered(question: Bottle):
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(questions=st.lists(QUESTIONS, min_size=1, max_size=5))
 def test_any_questions_over_the_network(client: RpcClient, questions: list[Bottle]):
-    """The port answers each of them, and the next one as well."""
+    """The port answers any request, and the next one."""
     for question in questions:
         assert client.call(question, timeout=5) is not None
     assert str(client.call(Bottle.parse("[get] [mnum]"), timeout=5)).startswith("[is] [mnum] 2")

@@ -1,4 +1,4 @@
-"""The table of what can be asked of a board: it names what there is, and values travel both ways."""
+"""The table of requests and its values: rows name existing methods, and values survive encoding and decoding."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ KINDS = [(kind, values, False) for kind, values in SAME] + [(kind, values, True)
 @pytest.mark.parametrize(("kind", "values", "several"), KINDS)
 @given(data=st.data())
 def test_values_travel(kind: kinds.Kind, values: st.SearchStrategy, several: bool, data: st.DataObject):
-    """What is written, sent and read is what it was."""
+    """A value is the same after encoding and decoding."""
     value = data.draw(values)
     elements = decode(encode(Bottle(kind.write(value))))
     assert kind.read(elements) == (value if several else (value,))
@@ -57,7 +57,7 @@ def test_values_travel(kind: kinds.Kind, values: st.SearchStrategy, several: boo
 @settings(max_examples=200)
 @given(elements=st.lists(st.one_of(st.floats(), WHOLE, st.text(max_size=4), WHOLE.map(Vocab)), max_size=12))
 def test_anything_else_is_refused(elements: list[object]):
-    """Reading gives something or refuses, and no number that is none comes out, whatever kind is expected."""
+    """Decoding gives a value with finite numbers, or raises RefusedError."""
     for kind, _, _ in KINDS:
         try:
             read = kind.read(Bottle(elements))
@@ -68,7 +68,7 @@ def test_anything_else_is_refused(elements: list[object]):
 
 @pytest.mark.parametrize("value", ["1", Vocab("pos"), Bottle([1]), b"1", math.nan, math.inf, None])
 def test_only_numbers_are_numbers(value: object):
-    """A word is not 0, as it would be to YARP: what is read here moves robots."""
+    """A word is refused instead of being 0, as in YARP, because the values move robots."""
     with pytest.raises(RefusedError):
         kinds.number(value)
     with pytest.raises(RefusedError):
@@ -76,7 +76,7 @@ def test_only_numbers_are_numbers(value: object):
 
 
 def test_whole_numbers_may_be_typed_as_floats():
-    """``3.0`` is a joint, ``3.5`` is none, nor is what 32 bits do not hold."""
+    """``3.0`` is a joint; ``3.5`` and numbers beyond 32 bits are refused."""
     assert kinds.whole(3.0) == 3
     for wrong in (3.5, 2**31, -(2**40), 1e300):
         with pytest.raises(RefusedError):
@@ -84,7 +84,7 @@ def test_whole_numbers_may_be_typed_as_floats():
 
 
 def test_rows_name_methods_of_their_interfaces():
-    """What the table calls is there to be called."""
+    """Each row names an existing method of its interface."""
     for topic in (*TOPICS.values(), *COMMANDS.values()):
         for method in (topic.get, topic.set):
             assert not method or callable(getattr(topic.interface, method)), topic.words
@@ -94,5 +94,5 @@ def test_rows_name_methods_of_their_interfaces():
 
 
 def test_every_family_has_topics():
-    """No family is left over, and none is missing."""
+    """Families and topics belong together: no family is missing or unused."""
     assert {topic.words[0] if len(topic.words) > 1 else "" for topic in TOPICS.values()} == set(FAMILIES)

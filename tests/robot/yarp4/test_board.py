@@ -1,4 +1,4 @@
-"""Boards of YARP 4.0: what real ones answered, what ours answers, and whatever a peer may say."""
+"""Boards of YARP 4.0: recorded answers of real boards, answers of our server, and any other messages."""
 
 from __future__ import annotations
 
@@ -77,14 +77,14 @@ def described(joints: int = 4, limits: tuple[float, float] = (-95.0, 10.0)) -> P
 
 
 def opened(joints: int = 4, limits: tuple[float, float] = (-95.0, 10.0)) -> FakeBoard:
-    """Such a board."""
+    """A board of so many joints."""
     board = FakeBoard("fake")
     board.open(described(joints, limits))
     return board
 
 
 def connected(network: Network, **parameters: object) -> ControlBoardServiceClient:
-    """A client of the board that is served; by tcp, unless the parameters say something else."""
+    """A client of the served board, by tcp unless the parameters have another carrier."""
     client = ControlBoardServiceClient("client", network=network)
     client.open(Property({"remote": PART, "local": "/client", **(parameters or {"carrier": "tcp"})}))
     return client
@@ -101,7 +101,7 @@ class Link(NamedTuple):
 
 @pytest.fixture(scope="class")
 def link(shared_time: ManualClock, shared_network: Network) -> Iterator[Link]:
-    """One for all tests."""
+    """One client and board for all tests."""
     board, outlets = opened(), PipelinedOutlets(shared_network.in_dialect(Dialect.YARP4))
     with (
         closing(
@@ -117,7 +117,7 @@ class TestServedBoard(ControlBoardContract):
 
     @pytest.fixture
     def board(self, link: Link) -> Device:
-        """The client of a board that is as it was when it was opened; no state has come yet that is not too old."""
+        """The client of a board in its initial state; no fresh state has arrived yet."""
         self.link = link
         link.board.open(described())
         link.time.sleep(1.0)
@@ -142,7 +142,7 @@ def of_the_board() -> list[Any]:
 
 
 def test_recorded_questions_are_answered_as_recorded(network: Network):
-    """A tool that asks a board of YARP 4.0 hears every byte from ours that it heard from the real one."""
+    """Our board answers the recorded requests with the same bytes as the real one."""
     talks = of_the_board()
     assert len(talks) > 10
     with closing(ControlBoardServer(opened(16), PART, network=network, protocols=[Dialect.YARP4])):
@@ -176,19 +176,19 @@ VERIFIED = [
 
 
 def bytes_of(answer: object) -> bytes:
-    """An answer as it travels."""
+    """Return the bytes of an answer."""
     return b"".join(codec_of(answer).encode(answer, Dialect.YARP4))
 
 
 @pytest.mark.parametrize(("question", "answer"), VERIFIED)
 def test_answers_have_the_bytes_of_real_boards(network: Network, question: str, answer: str):
-    """Results are side by side behind the code, which is a list of its own; alone it has nothing around it."""
+    """The code is a list of its own, and the results follow it; a code without results is not in another list."""
     service = BoardService(opened(2, (0.0, 100.0)), PART, network=network)
     assert bytes_of(service.answer(Bottle.parse(question))).hex(" ") == answer
 
 
 def test_interfaces_are_told_in_full(network: Network):
-    """All 23 names are there, whether the board has the interface or not."""
+    """The answer has all 23 interfaces, also those that the board lacks."""
     service = BoardService(opened(), PART, network=network)
     answer = decode_from(bytes_of(service.answer(Bottle(["getDeviceInterfacesRPC"]))), 0, Dialect.YARP4)[0]
     assert answer[0] == Bottle([Vocab("ok")])
@@ -201,7 +201,7 @@ def test_interfaces_are_told_in_full(network: Network):
 
 
 def test_pids_travel_in_an_order_of_their_own(network: Network):
-    """The scale and the greatest output stand before the offset, unlike in YARP 3."""
+    """The scale and the greatest output are before the offset, unlike in YARP 3."""
     board = opened()
     board.set_pid(PidType.POSITION, 0, Pid(1, 2, 3, 4, 6, 7, 5, 8, 9, 10))
     answer = BoardService(board, PART, network=network).answer(Bottle(["getPidRPC", Vocab("pos"), 0]))
@@ -211,7 +211,7 @@ def test_pids_travel_in_an_order_of_their_own(network: Network):
 
 
 def test_questions_are_never_abbreviated():
-    """A client names the type of every element, which the reader of a generated service counts on."""
+    """Each element of a request has its type code, as generated services expect."""
     asked = b"".join(codec_of(call("getAxesRPC")).encode(call("getAxesRPC"), Dialect.YARP4))
     assert asked.hex(" ") == "00 01 00 00 01 00 00 00 04 00 00 00 0a 00 00 00 67 65 74 41 78 65 73 52 50 43"
 
@@ -227,7 +227,7 @@ RECORDED_ANSWERS = [
 def test_recorded_answers_are_understood(
     network: Network, function: str, arguments: tuple[object, ...], result: object
 ):
-    """What a real board answered means to our client what it said."""
+    """Our client decodes the answers of a real board."""
     [answer] = [
         data
         for talk in map(segments, of_the_board())
@@ -241,7 +241,7 @@ def test_recorded_answers_are_understood(
 
 @contextmanager
 def answering(network: Network, answer: object) -> Iterator[ServiceRpc]:
-    """A connection to a board that answers everything with this."""
+    """Return a connection to a board with always the same answer."""
     network = network.in_dialect(Dialect.YARP4)
     with (
         RpcServer(f"{PART}/nws/rpc:i", lambda _: answer, network=network),
@@ -255,7 +255,7 @@ def answering(network: Network, answer: object) -> Iterator[ServiceRpc]:
 
 
 def test_every_row_names_what_exists():
-    """Functions are there once, and each method is one of its interface."""
+    """Function names are unique, and each row names an existing method of its interface."""
     assert len({message.name for message in MESSAGES}) == len(MESSAGES) == 193
     for message in MESSAGES:
         if message.method:
@@ -270,7 +270,7 @@ BOTTLES = st.lists(st.one_of(st.integers(0, 9), st.text(max_size=5)), max_size=3
 
 
 def some(of: st.SearchStrategy[Any]) -> st.SearchStrategy[list[Any]]:
-    """A list of them."""
+    """Return lists of values."""
     return st.lists(of, max_size=5)
 
 
@@ -303,14 +303,14 @@ VALUES: tuple[tuple[Kind, st.SearchStrategy[Any]], ...] = (
 
 
 def value_of(kind: Kind) -> st.SearchStrategy[Any]:
-    """Any value of a kind."""
+    """Return values of a kind."""
     return next(strategy for known, strategy in VALUES if known is kind)
 
 
 @pytest.mark.fuzz
 @given(st.data())
 def test_what_is_written_is_read(data: st.DataObject):
-    """Arguments and results of every function come out at the other end as they went in."""
+    """Arguments and results of every function are the same after encoding and decoding."""
     message = data.draw(st.sampled_from(MESSAGES))
     for row in (message.takes, message.gives):
         sent = [data.draw(value_of(kind)) for kind in row]
@@ -320,14 +320,14 @@ def test_what_is_written_is_read(data: st.DataObject):
 
 @pytest.mark.parametrize("message", MESSAGES, ids=lambda message: message.name)
 def test_a_failure_can_be_read_as_well(message: Message):
-    """An answer that has nothing to tell has as many elements as always, so that its reader finds the code."""
+    """An error answer has the usual number of elements, so that the client can decode it."""
     written = bytes_of(Record(*write_all(message.gives, [kind.default for kind in message.gives])))
     assert len(read_all(message.gives, decode_from(written, 0, Dialect.YARP4)[0])) == len(message.gives)
 
 
 @given(st.sampled_from(ReturnValue), st.sampled_from(Dialect))
 def test_codes_travel_in_both_dialects(value: ReturnValue, dialect: Dialect):
-    """A list of a word in 4.0, a number without a list in 3.12."""
+    """A code is a list of a word in 4.0, and a number without a list in 3.12."""
     written = b"".join(RETURN_VALUE.encode(value, dialect))
     assert RETURN_VALUE.decode_from(written, dialect) == (value, len(written))
     assert RETURN_VALUE.from_text(RETURN_VALUE.to_text(value)) is value
@@ -339,7 +339,7 @@ def test_codes_travel_in_both_dialects(value: ReturnValue, dialect: Dialect):
 
 
 class Scripted(ForwardedBoard):
-    """A board of two axes of which every method does what ``does`` does."""
+    """A board of two axes whose methods all call ``does``."""
 
     def __init__(self, does: Any) -> None:
         self.does = does
@@ -356,7 +356,7 @@ class Scripted(ForwardedBoard):
 
 
 def raising(error: Exception) -> Scripted:
-    """One that fails in this way."""
+    """Return a board whose methods raise this error."""
 
     def fail() -> None:
         raise error
@@ -379,7 +379,7 @@ def raising(error: Exception) -> Scripted:
 def test_errors_of_the_device_reach_the_client(
     network: Network, said: list[str], error: Exception, code: str, here: type[RobotError]
 ):
-    """Each as its code, and there as the error that it was; one that is none of a robot's is reported here."""
+    """Each error is the same at the client; one that is not a RobotError is reported at the server."""
     service = BoardService(raising(error), PART, network=network)
     for question in ("stopOneRPC 0", "getTrajSpeedOneRPC 0"):
         answer = service.answer(Bottle.parse(question))
@@ -390,7 +390,7 @@ def test_errors_of_the_device_reach_the_client(
 
 
 def test_a_device_that_gives_nonsense_is_reported(network: Network, said: list[str]):
-    """What does not fit into the answer is a fault of the device, not of anyone who asked."""
+    """A result that cannot be encoded is reported as an error of the device."""
     service = BoardService(Scripted(lambda: "nonsense"), PART, network=network)
     answer = decode_from(bytes_of(service.answer(Bottle.parse("getPosLimitsRPC 0"))), 0, Dialect.YARP4)[0]
     assert answer.to_text() == "([err1]) 0.0 0.0"
@@ -409,14 +409,14 @@ def test_a_device_that_gives_nonsense_is_reported(network: Network, said: list[s
     ],
 )
 def test_what_a_board_lacks(network: Network, question: str, answer: str):
-    """Functions that no device here has, an interface that this one lacks, and what means nothing."""
+    """Functions of no device, of a missing interface, and unknown functions have different answers."""
     service = BoardService(Scripted(lambda: None), PART, network=network)
     given = service.answer(Bottle.parse(question))
     assert decode_from(bytes_of(given), 0, Dialect.YARP4)[0].to_text() == answer
 
 
 def test_what_is_no_number_moves_nothing(network: Network):
-    """Neither infinity nor what is no number reaches the device, alone, in a list or in a PID."""
+    """Infinity and NaN do not reach the device, alone, in a list or in a PID."""
     service = BoardService(raising(AssertionError("it was called")), PART, network=network)
     for question in (
         Bottle(["positionMoveOneRPC", 0, math.nan]),
@@ -448,7 +448,7 @@ CALLS = st.builds(lambda name, rest: Bottle([name, *rest]), st.one_of(FUNCTIONS,
 @settings(max_examples=60, deadline=None)
 @given(st.one_of(ANYTHING, CALLS))
 def test_any_question_is_answered(question: Bottle):
-    """With results, a code, or a failure, all of which can be written; and nothing goes wrong."""
+    """The answer is results, a code or [fail], can be encoded, and no exception escapes."""
     said: list[str] = []
     service = BoardService(opened(2), PART, network=Network(LocalNames(), report=said.append))
     assert bytes_of(service.answer(question))
@@ -462,7 +462,7 @@ def test_any_question_is_answered(question: Bottle):
     message=st.sampled_from(MESSAGES),
 )
 def test_any_answer_is_a_result_or_an_error_of_robots(network: Network, answer: Bottle, message: Message):
-    """Whatever a board answers to whatever question."""
+    """Any answer to any request gives a value or a RobotError."""
     with answering(network, answer) as rpc:
         try:
             rpc.call(message, *(kind.default for kind in message.takes))
@@ -475,7 +475,7 @@ def test_any_answer_is_a_result_or_an_error_of_robots(network: Network, answer: 
 
 @contextmanager
 def publishing(network: Network, device: Device, *protocols: Dialect) -> Iterator[ControlBoardServer]:
-    """A served board whose state is published again and again, in a block."""
+    """Serve a board, and publish its state periodically within the block."""
     protocols = protocols or (Dialect.YARP4,)
     with closing(ControlBoardServer(device, PART, network=network, period=0.005, protocols=protocols)) as server:
         thread = PeriodicThread(server, name=PART, report=network.report)
@@ -487,7 +487,7 @@ def publishing(network: Network, device: Device, *protocols: Dialect) -> Iterato
 
 @pytest.mark.parametrize("dialect", Dialect, ids=lambda dialect: dialect.name)
 def test_both_styles_of_clients_are_served_at_once(network: Network, dialect: Dialect):
-    """One of YARP 3 and one of 4.0 hold the same board, ask, tell, stream and see its state."""
+    """Clients of YARP 3 and 4.0 of the same board send requests and commands, and read its state."""
     network.dialect = dialect
     board = opened()
     with (
@@ -506,7 +506,7 @@ def test_both_styles_of_clients_are_served_at_once(network: Network, dialect: Di
 
 
 def test_a_service_speaks_its_dialect_whatever_the_network_does(network: Network):
-    """Numbers reach and leave the service right in a network of YARP 3, by fast_tcp as well."""
+    """Numbers are right in a network of YARP 3, too, also by fast_tcp."""
     network.dialect = Dialect.YARP3
     with publishing(network, opened()), closing(connected(network, timeout=1.0)) as client:
         assert client.limits(0) == (-95.0, 10.0)
@@ -518,7 +518,7 @@ def test_a_service_speaks_its_dialect_whatever_the_network_does(network: Network
 
 
 def test_ports_have_the_names_of_yarp(network: Network):
-    """Those of a server and a client of 4.0, and there is no port for questions of YARP 3."""
+    """The ports have the names of YARP 4.0, and there is no port for requests of YARP 3."""
     with publishing(network, opened()), closing(connected(network)):
         for name in ("nws/rpc:i", "command:i", "state:o", "stateExt:o"):
             assert network.names.query(f"{PART}/{name}") is not None
@@ -528,19 +528,19 @@ def test_ports_have_the_names_of_yarp(network: Network):
 
 
 def test_clients_may_ask_for_the_version(network: Network):
-    """As those of YARP do before anything else."""
+    """Real clients ask for the version before anything else."""
     with publishing(network, opened()), RpcClient("/rpc", f"{PART}/nws/rpc:i", network=network) as rpc:
         assert rpc.call(call("getRemoteProtocolVersion"), answer=ProtocolVersion.codec) == ProtocolVersion(0, 4, 0, 0)
 
 
 def test_a_client_of_a_board_that_is_not_there(network: Network):
-    """It says which port is missing, and leaves nothing."""
+    """The message names the missing port, and nothing stays open."""
     with pytest.raises(DeviceError, match="/robot/arm"):
         connected(network)
 
 
 def test_a_board_that_is_gone(network: Network):
-    """Asking it is an error of robots, and so is its state, when that is old."""
+    """A request raises RobotError, and so does a reading after the timeout."""
     with closing(ControlBoardServiceClient("client", network=network)) as client:
         with publishing(network, opened()):
             client.open(Property({"remote": PART, "carrier": "tcp", "timeout": 0.5}))
@@ -551,7 +551,7 @@ def test_a_board_that_is_gone(network: Network):
 
 
 def is_stale(client: ControlBoardServiceClient) -> bool:
-    """Whether the state is too old."""
+    """Return whether the state is stale."""
     try:
         client.encoders()
     except StaleStateError:
@@ -560,19 +560,19 @@ def is_stale(client: ControlBoardServiceClient) -> bool:
 
 
 def test_a_client_that_is_not_open():
-    """It says so."""
+    """The message says that it is not open."""
     with pytest.raises(DeviceError, match="not open"):
         ControlBoardServiceClient("client").encoders()
 
 
 def test_a_device_without_axes_is_not_served(network: Network):
-    """It is no board."""
+    """A device without IAxisInfo is refused."""
     with pytest.raises(NotSupportedError, match="IAxisInfo"):
         ControlBoardServer(object(), PART, network=network)
 
 
 def test_variables_travel(network: Network):
-    """Their names, their values, and a change."""
+    """Remote variables can be listed, read and set."""
     with publishing(network, opened()), closing(connected(network)) as client:
         assert client.variables() == ("kinematic_mj",)
         assert client.variable("kinematic_mj").to_text() == "(1.0 0.0 0.0 1.0)"
@@ -582,7 +582,7 @@ def test_variables_travel(network: Network):
 
 
 class Dawdling(Scripted):
-    """A board that takes as long as the test wants for what is slow."""
+    """A board whose slow actions last until the test ends them."""
 
     def __init__(self) -> None:
         super().__init__(lambda: 1.5)
@@ -595,7 +595,7 @@ class Dawdling(Scripted):
 
 
 def test_what_is_slow_holds_up_nobody(network: Network):
-    """While a part is calibrated the same client asks and is answered."""
+    """A client answers other requests while it waits for the calibration of a part."""
     board = Dawdling()
     with publishing(network, board), closing(connected(network)) as client, ThreadPoolExecutor(1) as pool:
         calibrating = pool.submit(client.calibrate_part)
@@ -609,7 +609,7 @@ def test_what_is_slow_holds_up_nobody(network: Network):
 
 
 def test_parameters_that_do_not_travel_are_refused(network: Network):
-    """A joint is not calibrated with half of what it takes."""
+    """A calibration with parameters that the protocol does not transmit is refused."""
     with publishing(network, opened()), closing(connected(network)) as client:
         client.calibrate_axis(0, CalibrationParameters(3, 1.0, 2.0, 3.0))
         with pytest.raises(RefusedError, match="three parameters"):

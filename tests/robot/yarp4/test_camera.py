@@ -40,24 +40,24 @@ _OF_ITS_DRIVER = ("Supported", "Intrinsic", "setRgbFOV", "setRgbRes", " 99", " 9
 
 
 def bytes_of(answer: object) -> bytes:
-    """An answer as it travels."""
+    """Return the bytes of an answer."""
     return b"".join(codec_of(answer).encode(answer, Dialect.YARP4))
 
 
 def text_of(answer: object) -> str:
-    """An answer as tools show it."""
+    """Return an answer as text, as tools show it."""
     return decode_from(bytes_of(answer), 0, Dialect.YARP4)[0].to_text()
 
 
 def make_camera() -> FakeFrameGrabber:
-    """One with the size and the angles of the recorded camera."""
+    """Return a camera with the size and the angles of the recorded one."""
     camera = FakeFrameGrabber("camera")
     camera.open(Property({"width": 8, "height": 4, "horizontalFov": 1.0, "verticalFov": 2.0}))
     return camera
 
 
 def make_service(network: Network, controls: IFrameGrabberControls | None = None) -> CameraService:
-    """The service of a camera with 20 images a second."""
+    """Return the service of a camera with 20 images a second."""
     return CameraService(make_camera(), controls, 0.05, "/cam/rpc", network=network)
 
 
@@ -80,7 +80,7 @@ def test_answers_have_the_bytes_of_a_real_camera(network: Network):
 
 @pytest.mark.parametrize(("question", "answer"), [(one, answer) for one, answer in RECORDED if answer != FAILED])
 def test_every_answer_of_a_real_camera_is_read_and_written_alike(question: str, answer: str):
-    """So the table has its types: results that are read and written again have the same bytes."""
+    """Results that are decoded and encoded again have the same bytes, so the types of the table are right."""
     message = BY_NAME[question.split(maxsplit=1)[0]]
     elements = decode_from(bytes.fromhex(answer), 0, Dialect.YARP4)[0].elements()
     values = read_all(message.gives, elements[1:])
@@ -124,19 +124,19 @@ def test_every_answer_of_a_real_camera_is_read_and_written_alike(question: str, 
     ],
 )
 def test_questions_and_answers(network: Network, question: str, answer: str):
-    """What the recorded camera answers otherwise, or not at all: errors come with the defaults of all results."""
+    """Requests that are not in the recordings; error answers have the defaults of all results."""
     camera = make_camera()
     assert text_of(make_service(network, camera).answer(Bottle.parse(question))) == answer
 
 
 def test_a_part_of_the_image(network: Network):
-    """Two corners, which belong to it."""
+    """A part is given by two corners, which belong to it."""
     answer = make_service(network).answer(Bottle.parse("getImageCropRPC 0 ((6 2) (5 1))"))
     assert text_of(answer).startswith("([ok]) ([mat] [rgb] (3 16 8 2 2)")
 
 
 def test_intrinsic_parameters(network: Network):
-    """They have the names of YARP 4."""
+    """The parameters have the names of YARP 4."""
     answer = decode_from(
         bytes_of(make_service(network).answer(Bottle.parse("getRgbIntrinsicParamRPC"))), 0, Dialect.YARP4
     )[0]
@@ -154,7 +154,7 @@ def test_a_camera_without_controls(network: Network):
 
 
 def test_the_version(network: Network):
-    """Real clients ask for it before anything else."""
+    """Real clients ask for the version before anything else."""
     assert bytes_of(make_service(network).answer(Bottle(["getRemoteProtocolVersion"]))).hex(" ") == (
         "00 01 00 00 01 00 00 00 00 00 04 00 00 00 00 00"
     )
@@ -175,7 +175,7 @@ ARGUMENTS = st.lists(
 @settings(max_examples=80, deadline=None)
 @given(st.sampled_from([message.name for message in MESSAGES]), ARGUMENTS)
 def test_any_question_is_answered(name: str, arguments: list[object]):
-    """With results, a code, or a failure, all of which can be written; and nothing goes wrong."""
+    """The answer is results, a code or [fail], can be encoded, and no exception escapes."""
     said: list[str] = []
     network = Network(LocalNames(), report=said.append)
     assert bytes_of(make_service(network, make_camera()).answer(Bottle([name, *arguments])))
@@ -186,7 +186,7 @@ def test_any_question_is_answered(name: str, arguments: list[object]):
 
 
 def open_client(network: Network) -> FrameGrabberClient:
-    """One that asks for its images."""
+    """Return a client that requests its images."""
     client = FrameGrabberClient("client", network=network)
     client.open(Property({"remote": "/cam", "no_stream": True}))
     return client
@@ -195,7 +195,7 @@ def open_client(network: Network) -> FrameGrabberClient:
 @pytest.mark.parametrize("set_to", [None, *Dialect])
 @pytest.mark.parametrize(("protocol", "kind"), [(Dialect.YARP3, CameraWords), (Dialect.YARP4, CameraFunctions)])
 def test_the_answer_of_the_server_chooses(network: Network, set_to: Dialect | None, protocol: Dialect, kind: type):
-    """Words or functions, and numbers arrive unchanged, whatever the dialect of the client's network."""
+    """The client uses words or functions, and numbers arrive unchanged in every dialect of its network."""
     mine = network if set_to is None else network.in_dialect(set_to)
     theirs = network.in_dialect(Dialect.YARP4) if set_to is None and protocol is Dialect.YARP4 else mine
     with (
@@ -210,7 +210,7 @@ def test_the_answer_of_the_server_chooses(network: Network, set_to: Dialect | No
 
 @pytest.mark.parametrize("dialect", Dialect)
 def test_the_server_follows_the_dialect_of_the_network(network: Network, dialect: Dialect):
-    """So a robot that is started with ``--dialect 4`` has cameras of YARP 4."""
+    """A robot that is started with ``--dialect 4`` has cameras of YARP 4."""
     with (
         closing(FrameGrabberServer(make_camera(), "/cam", network=network.in_dialect(dialect), period=0.05)),
         RpcClient("", "/cam/rpc", network=network) as rpc,
@@ -220,7 +220,7 @@ def test_the_server_follows_the_dialect_of_the_network(network: Network, dialect
 
 
 def test_a_client_of_a_real_camera(network: Network):
-    """What the recorded camera answered is what the client returns."""
+    """The client returns what the recorded camera answered."""
     answers = {question.split()[0]: decode_from(bytes.fromhex(one), 0, Dialect.YARP4)[0] for question, one in RECORDED}
     answers["getFeature1RPC"] = Bottle.parse("([ok]) 0.25")  # the last recorded one is a failure
     answers["getHeightRPC"] = Bottle.parse("([ok]) 4")
@@ -264,7 +264,7 @@ def test_a_server_that_is_not_there(network: Network):
 
 
 def test_a_server_without_a_camera_yet(network: Network):
-    """One of YARP 4 gives no reply while it starts; it is not taken for one of YARP 3."""
+    """A server of YARP 4 gives no reply while it starts; it is not taken for one of YARP 3."""
     with (
         Port("/cam/rpc", lambda _request: None, network=network, outputs=False, rpc=True),
         pytest.raises(DeviceError, match="is its camera attached"),
