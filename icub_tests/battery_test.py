@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rtf.robot.battery import BATTERY_READING, DATA, FULL
 from rtf.robot.interfaces import BatteryStatus
+from rtf.robot.sensors.battery import BATTERY_READING, DATA, FULL
 from rtf.robot_testing import likely_causes
 from rtf.robot_testing.robot_name import robot_model
 from rtf.robot_testing.stream_test import StreamTest

@@ -12,7 +12,7 @@ import numpy as np
 from rtf.bottle import Dialect, Property
 from rtf.errors import RtfError
 from rtf.middleware.types import IMAGE
-from rtf.robot.client.frame_grabber import FrameGrabberClient
+from rtf.robot.sensors.camera import FrameGrabberClient
 from rtf.robot_testing import MotionGuard, Part, likely_causes
 from rtf.robot_testing.guard.simulated import is_simulated
 from rtf.robot_testing.judging.png import png

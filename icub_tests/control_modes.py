@@ -25,15 +25,14 @@ from rtf.robot.errors import NotSupportedError, RefusedError
 from rtf.robot_testing import Limits, Safety, likely_causes
 from rtf.robot_testing.guard.snapshot import answered
 from rtf.robot_testing.joints_test import JointsTest, command_at
-from rtf.robot_testing.motion.mode_numbers import LEGEND, mode_numbers
-from rtf.robot_testing.motion.mode_walk import ModeWalk
+from rtf.robot_testing.motion.modes import LEGEND, ModeWalk, mode_numbers
 from rtf.robot_testing.torque_control import greatest_torque, torque_flags
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from rtf.robot.client.boards import RemoteBoard
+    from rtf.robot.boards.client import RemoteBoard
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Trace
 

@@ -13,7 +13,7 @@ from rtf.middleware.ports.port import Port
 from rtf.middleware.wire.contact import Contact
 from rtf.robot.devices.fake_sensors import FakeAnalogSensor
 from rtf.robot.errors import DeviceError
-from rtf.robot.server.analog import AnalogDevice
+from rtf.robot.sensors.analog import AnalogDevice
 from rtf.robot_testing.judging.failure_causes import likely_causes
 from rtf.robot_testing.streams.port_recorder import Listener
 from rtf.testing import Parameter, TestCase

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rtf.robot.extended_state import Field
 from rtf.robot_testing.guard.contacts import CHANNELS, NoForcesError
-from rtf.robot_testing.motion.mode_numbers import LEGEND, mode_numbers
+from rtf.robot_testing.motion.modes import LEGEND, mode_numbers
 
 if TYPE_CHECKING:
     from rtf.middleware.wire.incoming_message import IncomingMessage

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, NoReturn
 from rtf import clock
 from rtf.middleware.clocks.network_clock import CLOCK_VARIABLE, LockstepClock, clock_from_environment
 from rtf.middleware.ports.network import default_network
-from rtf.robot.client.boards import connect
+from rtf.robot.boards.client import connect
 from rtf.robot.errors import RefusedError, RobotError, StaleStateError
 from rtf.robot_testing.failure_recording import FailureRecording
 from rtf.robot_testing.guard.contacts import ContactWatch, listen_to_forces
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
     from rtf.clock import Clock
     from rtf.middleware.ports.network import Network
-    from rtf.robot.client.boards import RemoteBoard
+    from rtf.robot.boards.client import RemoteBoard
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.motion.part import Arrival
     from rtf.testing.session import Session

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rtf.robot.battery import FULL, BatteryReading, status_of
 from rtf.robot.device import Device
 from rtf.robot.errors import DeviceError
 from rtf.robot.interfaces import BatteryStatus, IBattery
+from rtf.robot.sensors.battery import FULL, BatteryReading, status_of
 from rtf.simulator.board_state import AMBIENT
 from rtf.simulator.position_gains import FULL as FULL_DUTY
 from rtf.simulator.robot_devices import simulation_of

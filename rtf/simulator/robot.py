@@ -5,11 +5,11 @@ from __future__ import annotations
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, Self
 
-from rtf.robot.battery import BatteryServer
-from rtf.robot.server.analog import AnalogServer
-from rtf.robot.server.analog_sensors import AnalogSensorsServer
-from rtf.robot.server.board_server import serve_board
-from rtf.robot.server.inertial import InertialServer
+from rtf.robot.boards.server import ControlBoardServer
+from rtf.robot.sensors.analog import AnalogServer
+from rtf.robot.sensors.analog_sensors import AnalogSensorsServer
+from rtf.robot.sensors.battery import BatteryServer
+from rtf.robot.sensors.inertial import InertialServer
 from rtf.simulator.angle_sensors import SimulatedAngles
 from rtf.simulator.battery import BATTERY_PERIOD, SimulatedBattery
 from rtf.simulator.kinematic_part import KinematicPart
@@ -103,7 +103,7 @@ class SimulatedRobot:
     def _open(self, opened: ExitStack, *, lockstep: bool, cameras: bool, clock: str) -> None:
         """Open all ports, the clock last, as the time begins with it."""
         for part, board in self.parts.items():
-            self._serve(opened, serve_board, board, part, self._state_period)
+            self._serve(opened, ControlBoardServer, board, part, self._state_period)
         for place, sensor in self.force_torques.items():
             self._serve(opened, AnalogServer, sensor, f"{place}/analog:o", SENSOR_PERIOD)
         for place, angles in self.angles.items():
@@ -131,7 +131,7 @@ class SimulatedRobot:
         self.simulation.publish_regularly(made)
 
     def _open_cameras(self, opened: ExitStack) -> None:
-        from rtf.robot.server.frame_grabber import FrameGrabberServer
+        from rtf.robot.sensors.camera import FrameGrabberServer
         from rtf.simulator.simulated_cameras import SimulatedCamera
 
         for name, settings in self.model.sensors.cameras.items():

@@ -9,7 +9,7 @@ from rtf.bottle import as_string
 from rtf.robot.device import Device
 from rtf.robot.errors import DeviceError
 from rtf.robot.interfaces import IAnalogSensor, IMultipleAnalogSensors
-from rtf.robot.measurements import IMeasurementsSource
+from rtf.robot.sensors.measurements import IMeasurementsSource
 from rtf.simulator.robot_devices import simulation_of
 from rtf.simulator.simulated_sensors import SimulatedForceTorque, SimulatedForceTorques, SimulatedImu
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from rtf.bottle import Property
     from rtf.robot.interfaces import SensorCategory, SensorInfo, SensorReading, SensorStatus
-    from rtf.robot.sensor_message import Measurements
+    from rtf.robot.sensors.measurements import Measurements
     from rtf.simulator.simulation import Simulation
 
 S = TypeVar("S", SimulatedForceTorques, SimulatedImu)

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, TypeVar
 from rtf import clock
 from rtf.bottle import Property
 from rtf.cli.network.yarp_bench import LOOK_AGAIN, PATIENCE, Bench, CheckError, NotApplicableError, await_that
-from rtf.robot.client import boards
-from rtf.robot.client.frame_grabber import FrameGrabberClient
+from rtf.robot.boards import client as boards
 from rtf.robot.errors import RobotError, StaleStateError
+from rtf.robot.sensors.camera import FrameGrabberClient
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from rtf.clock import Clock
-    from rtf.robot.client.boards import RemoteBoard
+    from rtf.robot.boards.client import RemoteBoard
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.guard.motion_guard import MotionGuard
     from rtf.robot_testing.motion.routines import Routine

@@ -20,14 +20,14 @@ from rtf.middleware.naming import configuration
 from rtf.middleware.naming.server import NameServer
 from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.rpc import RpcClient
-from rtf.robot.client.analog_sensors import AnalogSensorsClient
-from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.device import make_device
 from rtf.robot.devices.calibrator import BoardCalibrator
 from rtf.robot.errors import ConfigurationError, DeviceError, RefusedError, StaleStateError
 from rtf.robot.interface.robot_reader import read_robot
 from rtf.robot.interfaces import IPositionControl, PidType, SensorCategory
+from rtf.robot.sensors.analog_sensors import AnalogSensorsClient
+from rtf.robot.yarp3.client import RemoteControlBoard
 from rtf.simulator.part import SimulatedPart
 from waiting import eventually
 

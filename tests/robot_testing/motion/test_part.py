@@ -15,7 +15,7 @@ from rtf.robot_testing.motion.start_position import hold, late_joints
 from rtf.robot_testing.robot_test import RobotTest
 from rtf.testing.verdict import TestProblem
 
-from ..part_bench import Joints, PartBench  # noqa: TID252 - a neighbour among the tests
+from ..part_bench import Joints, PartBench
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
