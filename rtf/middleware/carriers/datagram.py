@@ -15,11 +15,12 @@ import zlib
 from collections import deque
 from typing import TYPE_CHECKING
 
-from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink, introduction, read_sender
+from rtf.middleware.carriers.base import Carrier, InputLink, OutputLink
 from rtf.middleware.carriers.stream import Stream, StreamClosedError
-from rtf.middleware.carriers.text import tell_end
+from rtf.middleware.carriers.stream_carrier import introduction, tell_end
 from rtf.middleware.errors import ConnectError, MiddlewareError, ProtocolError, WaitTimeoutError
 from rtf.middleware.wire import framing
+from rtf.middleware.wire.protocol import read_caller
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from rtf.middleware.carriers.base import CarrierPort, Group
     from rtf.middleware.wire.contact import Contact
     from rtf.middleware.wire.outgoing_message import OutgoingMessage
+    from rtf.middleware.wire.protocol import Caller, Message
 
 #: The largest datagram, its first eight bytes included.
 MAX_DATAGRAM = 65_499
@@ -126,7 +128,7 @@ class DatagramInput(InputLink):
         self,
         carrier: Carrier,
         receiving: socket.socket,
-        caller: tuple[str, str],
+        caller: Caller,
         report: Callable[[str], object],
         reply: bytes = b"",
     ) -> None:
@@ -139,7 +141,6 @@ class DatagramInput(InputLink):
         self._waiting: deque[bytes] = deque()
         self._size = 0  # memory of the waiting datagrams
         self._closed = False
-        self._report = report
 
     def welcome(self, stream: Stream, port: CarrierPort) -> None:  # noqa: ARG002 - the reply has the number of the datagrams
         if self._reply:
@@ -229,6 +230,9 @@ class DatagramOutput(OutputLink):
         except OSError as error:
             raise StreamClosedError(f"cannot send to {self._target.name}: {error.strerror}") from None
 
+    def limit_waiting(self, seconds: float | None) -> None:
+        """Do nothing: a sender of datagrams never waits."""
+
     def close(self, *, politely: bool = True) -> None:
         """End the connection; ``politely`` tells the other port over a separate connection."""
         self.endpoint.close()
@@ -256,7 +260,7 @@ class Udp(Datagrams):
 
     def accept(self, stream: Stream, port: CarrierPort) -> InputLink:
         """Answer with the UDP port number to send to."""
-        caller = read_sender(stream)
+        caller = stream.run(read_caller(stream))
         receiving = _receiving_socket()
         try:
             receiving.bind((stream.socket.getsockname()[0] or port.contact.host, 0))
@@ -270,7 +274,7 @@ class Udp(Datagrams):
     def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:
         """Send from the local address of the handshake."""
         stream.send(self.header + framing.sender(introduction(port, target)))
-        number = framing.read_number(stream.take(8))
+        number = framing.read_number(stream.run(stream.take(8)))
         if not 0 < number < 1 << 16:
             raise ConnectError(f"{target.name} answered with the impossible UDP port {number}")
         own, peer = stream.socket.getsockname(), stream.socket.getpeername()
@@ -314,11 +318,11 @@ class Mcast(Datagrams):
 
     def accept(self, stream: Stream, port: CarrierPort) -> InputLink:
         """Join the multicast group that the caller names."""
-        caller = read_sender(stream)
-        group, number = struct.unpack(">4sH", stream.take(6))
+        caller = stream.run(read_caller(stream))
+        group, number = struct.unpack(">4sH", stream.run(stream.take(6)))
         interface = socket.inet_aton(stream.socket.getsockname()[0] or port.contact.host)
         if not 224 <= group[0] <= 239:  # noqa: PLR2004 - the addresses of groups (RFC 5771)
-            raise ProtocolError(f"{caller[0]} named {socket.inet_ntoa(group)}, which is not a multicast group")
+            raise ProtocolError(f"{caller.name} named {socket.inet_ntoa(group)}, which is not a multicast group")
         receiving = _receiving_socket()
         try:
             receiving.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -347,5 +351,9 @@ class Mcast(Datagrams):
         # The receiver closes the handshake when it has joined. Earlier datagrams would be lost.
         stream.limit_waiting(_JOINING)
         with contextlib.closing(stream), contextlib.suppress(StreamClosedError, WaitTimeoutError):
-            stream.more()
+            stream.more(1)
         return McastOutput(self, sending, port, target, group)
+
+
+UDP = Udp()
+MCAST = Mcast()

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import socket
 
-from rtf.middleware.carriers import authentication
 from rtf.middleware.carriers.stream import Stream
+from rtf.middleware.wire import authentication
 
 
 def open_stream(host: str, port: int, patience: float, key: bytes) -> Stream:
@@ -21,7 +21,7 @@ def open_stream(host: str, port: int, patience: float, key: bytes) -> Stream:
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         stream.limit_waiting(patience)
         if key:
-            authentication.connect(stream, key)
+            stream.run(authentication.connect(stream, key))
     except BaseException:
         stream.close()
         raise

@@ -160,7 +160,7 @@ def _answer(stream: Stream, deadline: clock.Deadline, *, one_line: bool) -> Line
     lines: Lines = []
     size = 0
     while True:
-        raw = stream.take_line()
+        raw = stream.run(stream.line())
         lines.append(raw.decode("utf-8", "surrogateescape"))
         if one_line or lines[-1].startswith(("*", "[")):
             return lines
