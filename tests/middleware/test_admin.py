@@ -19,6 +19,7 @@ from rtf.middleware.ports.port import Port
 from rtf.middleware.ports.rpc import RpcClient, RpcServer
 from rtf.middleware.types.codecs import BOTTLE
 from rtf.middleware.wire import framing
+from rtf.middleware.wire.contact import Contact
 from rtf.middleware.wire.outgoing_message import OutgoingMessage
 from waiting import eventually
 
@@ -174,6 +175,16 @@ class TestAdd:
                 assert ask(client, "[add] /server", way) == added
                 second = Bottle([-1, "RPC output already connected\r\n"])
                 assert ask(client, "[add] /server", way) == second
+
+
+@pytest.mark.parametrize("carrier", ["", "fast_tcp"])
+def test_a_port_is_asked_to_connect_to_an_address(port: Port, reader: Port, carrier: str):
+    """With a carrier or without one; the port is then known by its address, as with YARP."""
+    target = Contact("/reader", reader.contact.host, reader.contact.port, carrier)
+    where = f"{carrier or 'tcp'}://{reader.contact.host}:{reader.contact.port}/"
+    assert remote.connect(port.network, Contact("/port"), target) == f"Added connection from /port to {where}"
+    assert [output.carrier for output in port.outputs] == [carrier or "tcp"]
+    assert [caller.sender for caller in reader.inputs] == ["/port"]
 
 
 class TestDelete:

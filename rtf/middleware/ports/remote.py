@@ -79,8 +79,7 @@ def connect(network: Network, source: Contact, target: Contact, carrier: str = "
     """
     chosen = target.carrier or source.carrier or carrier or "tcp"
     asked, other = (target, source) if registry.pulls(chosen) else (source, target)
-    wanted = f"{chosen}:/{other if other.valid else other.name}"
-    return _judged(administer(network, asked, Bottle([Vocab("add"), wanted])))
+    return _judged(administer(network, asked, Bottle([Vocab("add"), str(other.by(chosen))])))
 
 
 def disconnect(network: Network, source: Contact, target: Contact) -> str:
