@@ -184,7 +184,7 @@ def test_a_port_is_asked_to_connect_to_an_address(port: Port, reader: Port, carr
     where = f"{carrier or 'tcp'}://{reader.contact.host}:{reader.contact.port}/"
     assert remote.connect(port.network, Contact("/port"), target) == f"Added connection from /port to {where}"
     assert [output.carrier for output in port.outputs] == [carrier or "tcp"]
-    assert [caller.sender for caller in reader.inputs] == ["/port"]
+    assert "/port" in [caller.sender for caller in reader.inputs]
 
 
 class TestDelete:

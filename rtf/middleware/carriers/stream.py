@@ -12,6 +12,7 @@ import struct
 from typing import TYPE_CHECKING, NoReturn, TypeVar
 
 from rtf.middleware.errors import MiddlewareError, ProtocolError, WaitTimeoutError
+from rtf.middleware.wire import authentication
 from rtf.middleware.wire.inbox import AT_FIRST, Inbox
 from rtf.middleware.wire.outgoing_message import JOINED
 
@@ -122,6 +123,26 @@ class Stream(Inbox):
         """Shut the connection down so that waiting threads see its end. The descriptor stays open until ``close``."""
         with contextlib.suppress(OSError):
             self.socket.shutdown(socket.SHUT_RDWR)
+
+
+def open_stream(host: str, port: int, patience: float, key: bytes) -> Stream:
+    """Open a connection to an address and authenticate it if there is a key. Nothing else is sent.
+
+    No single wait takes longer than ``patience`` seconds. Raises OSError, UnicodeError for an invalid host name, and
+    MiddlewareError if the peer does not know the key.
+    """
+    connection = socket.create_connection((host, port), timeout=patience)
+    connection.settimeout(None)
+    stream = Stream(connection)
+    try:
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        stream.limit_waiting(patience)
+        if key:
+            stream.run(authentication.connect(stream, key))
+    except BaseException:
+        stream.close()
+        raise
+    return stream
 
 
 _LEFT = "the peer closed the connection"

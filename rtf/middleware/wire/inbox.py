@@ -86,7 +86,10 @@ class Inbox:
 
     def feed(self, data: bytes | bytearray | memoryview) -> None:
         """Add bytes that have arrived, for sources that cannot write into ``room``."""
-        self._make_room(self.unread + len(data))
+        if self.start == self.end and not self._large:
+            self.start = self.end = 0
+        if self._large or len(self.memory) - self.end < len(data):
+            self._make_room(self.unread + len(data))
         self.view[self.end : self.end + len(data)] = data
         self.end += len(data)
 

@@ -15,7 +15,7 @@ from replaying import VERSIONS, recordings, segments
 from rtf.bottle import Bottle, Dialect
 from rtf.bottle.binary import encode
 from rtf.middleware.errors import ProtocolError
-from rtf.middleware.types import Stamp
+from rtf.middleware.types import VECTOR, Stamp
 from rtf.middleware.types.codecs import BOTTLE, RAW
 from rtf.middleware.types.plain import BYTES
 from rtf.middleware.wire import authentication, binary, framing, lines
@@ -136,14 +136,14 @@ class TestPorts:
 @version
 @given(places=cuts)
 @settings(deadline=None, max_examples=15)
-def test_questions_to_a_robot(version: str, places: Cuts):
-    """Both sides of every recorded question, with its reply, which has no length prefix."""
+def test_questions(version: str, places: Cuts):
+    """Both sides of every recorded question to a robot and to a port, with its reply, which has no length prefix."""
     dialect = VERSIONS[version]
-    for conversation in recordings(version, "robot.json")["questions"]:
+    for conversation in (*recordings(version, "robot.json")["questions"], recordings(version, "ports.json")["admin"]):
         talk = segments(conversation)
         asked, answered = said(talk, ">"), said(talk, "<")
         number = framing.read_number(answered)
-        replies = replies_in(answered, dialect)[: asked.count(framing.command("d"))]
+        replies = replies_in(answered, dialect)[: asked.count(framing.command("d")) + asked.count(framing.command("a"))]
         got = accept(cut(asked, places), number, replies)
         assert got.sent == answered
         questions = [OutgoingMessage(key, data, RAW, dialect) for key, _, data in got.messages]
@@ -185,6 +185,7 @@ def test_stream_of_an_arm(version: str, places: Cuts):
     stamps = [Stamp.parse(envelope).count for key, envelope, _ in got if key == "D"]
     assert stamps == [*range(stamps[0], stamps[0] + len(stamps))]
     assert len(stamps) > 20
+    assert {VECTOR.decode(data, VERSIONS[version]).shape for key, _, data in got if key == "D"} == {(16,)}
 
 
 @version
@@ -304,6 +305,13 @@ def test_an_envelope_that_does_not_fit_into_its_message_is_refused(text_size: in
     at = len(front) - len("D 1 2\0") - 8
     end = End([front[:at] + text_size.to_bytes(4, "little", signed=True) + front[at + 4 :] + bytes(4)])
     with pytest.raises(ProtocolError):
+        next(end.receive(binary.BinaryReceiver(end.inbox, acknowledged=True).messages()))
+
+
+def test_bytes_out_of_step_are_refused():
+    """A message that begins one byte late is an error."""
+    end = End([(framing.front("D", "", 4) + bytes(40))[1:]])
+    with pytest.raises(ProtocolError, match="expected a message"):
         next(end.receive(binary.BinaryReceiver(end.inbox, acknowledged=True).messages()))
 
 
