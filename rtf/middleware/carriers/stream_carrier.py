@@ -110,14 +110,15 @@ class StreamOutput(OutputLink):
         self._stream.send(*pieces)
 
     def receive_reply(self, codec: Codec[object], dialect: Dialect) -> object | None:
-        stream = self._stream
-        if stream.start == stream.end:
-            stream.more(1)
-        return stream.run(self._sender.reply(codec, dialect))
+        sender = self._sender
+        for size in sender.reply(codec, dialect):
+            self._stream.more(size)
+        return sender.answer
 
     def finish(self) -> None:
-        for size in self._sender.acknowledgements():
-            self._stream.more(size)
+        if self._sender.due:
+            for size in self._sender.acknowledgements():
+                self._stream.more(size)
 
     def close(self, *, politely: bool = True) -> None:
         if politely:

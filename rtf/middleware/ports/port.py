@@ -404,7 +404,8 @@ class Port:
             delivery = IncomingMessage(link.sender, text, data, caller.dialect, asks, in_lines, own)
             self.deliver(delivery)
             caller.dialect = delivery.dialect
-            self._received = caller, bytes(data[:MAX_SHOWN]), len(data)
+            size = len(data)
+            self._received = caller, bytes(data if size <= MAX_SHOWN else data[:MAX_SHOWN]), size
             return delivery.answer or (_NO_REPLY if asks and not in_lines else ())
         if key == "a":
             delivery = IncomingMessage(link.sender, "", data, caller.dialect, wants_reply=True, text=link.carrier.text)

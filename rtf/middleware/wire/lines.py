@@ -90,10 +90,10 @@ class LineSender(Sender):
         yield self.command(*lines)
         return (yield from self._reply_lines())
 
-    def reply(self, codec: Codec[object], dialect: Dialect) -> Reading[object | None]:
-        """Read the reply. Without acknowledgements its end is unknown, so it is not awaited."""
+    def reply(self, codec: Codec[object], dialect: Dialect) -> Reading[None]:
+        """Read the reply into ``answer``. Without acknowledgements its end is unknown, so it is not awaited."""
         lines = yield from self._reply_lines()
-        return codec.decode(encode(Bottle.parse(" ".join(lines)), dialect), dialect) if lines else None
+        self.answer = codec.decode(encode(Bottle.parse(" ".join(lines)), dialect), dialect) if lines else None
 
     def _reply_lines(self) -> Reading[list[str]]:
         """Read the lines of a reply, up to the acknowledgement."""

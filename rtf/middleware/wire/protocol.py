@@ -97,6 +97,8 @@ class Sender(ABC):
         self.inbox = inbox
         self.acknowledged = acknowledged
         self.due = 0
+        #: The last reply; None if the peer had none.
+        self.answer: object | None = None
 
     def greet(self, header: bytes, name: str) -> Steps[None]:
         """Send the header and the name of the caller, with its modifiers, and read the answer if there is one."""
@@ -106,8 +108,8 @@ class Sender(ABC):
     def message(self, message: OutgoingMessage) -> Sequence[Buffer]:
         """Return the bytes of a message. Large blocks are not copied."""
 
-    def reply(self, codec: Codec[object], dialect: Dialect) -> Reading[object | None]:
-        """Read the reply to the last message; None if the peer has none.
+    def reply(self, codec: Codec[object], dialect: Dialect) -> Reading[None]:
+        """Read the reply to the last message into ``answer``: a generator that returns a value is slower.
 
         It has no length prefix: it is read until it is complete. After a BottleError its bytes are still unread.
         """
@@ -119,20 +121,21 @@ class Sender(ABC):
         needed = 0
         while True:
             if no_reply and inbox.memory.startswith(no_reply, inbox.start, inbox.end):
-                return None
+                self.answer = None
+                return
             if inbox.end - inbox.start < needed:
                 yield needed
                 continue
             try:
                 # Usually the reply is complete, and no partial scan has to be remembered.
                 window = inbox.view[inbox.start : inbox.end]
-                reply, size = arriving.read(window) if arriving else codec.decode_from(window, dialect)
+                self.answer, size = arriving.read(window) if arriving else codec.decode_from(window, dialect)
             except TruncatedBottleError as error:
                 arriving = arriving or Arriving(codec, dialect)
                 needed = error.needed
             else:
                 inbox.start += size
-                return reply
+                return
 
     @abstractmethod
     def acknowledgements(self) -> Reading[None]:

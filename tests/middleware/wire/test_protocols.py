@@ -88,7 +88,8 @@ def call(
             continue
         end.sent += b"".join(sender.message(message))
         if message.key != "D":
-            replies.append(end.run(sender.reply(RAW, message.dialect)))
+            end.run(sender.reply(RAW, message.dialect))
+            replies.append(sender.answer)
         end.run(sender.acknowledgements())
     assert end.done
     assert sender.due == 0
@@ -234,7 +235,8 @@ def test_no_reply(places: Cuts):
         end = End(cut(acknowledgement, places))
         sender = sender_of(end.inbox, acknowledged=True)
         sender.message(OutgoingMessage("d", Bottle([1]), BOTTLE, Dialect.YARP3))
-        assert end.run(sender.reply(BOTTLE, Dialect.YARP3)) is None
+        end.run(sender.reply(BOTTLE, Dialect.YARP3))
+        assert sender.answer is None
         end.run(sender.acknowledgements())
         assert end.done
 
@@ -385,4 +387,5 @@ def test_a_question_in_text_is_answered_up_to_the_acknowledgement():
     silent = End([])
     sender = lines.LineSender(silent.inbox, acknowledged=False)
     sender.message(OutgoingMessage("d", b"x", BYTES, Dialect.YARP3))
-    assert silent.run(sender.reply(BOTTLE, Dialect.YARP3)) is None
+    silent.run(sender.reply(BOTTLE, Dialect.YARP3))
+    assert sender.answer is None
