@@ -15,7 +15,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeAlias
 
 from rtf.bottle.binary import TruncatedBottleError
-from rtf.middleware.types.codecs import Arriving
+from rtf.bottle.errors import BottleSyntaxError
+from rtf.bottle.extent import Scanner
 from rtf.middleware.wire import framing
 
 if TYPE_CHECKING:
@@ -117,7 +118,7 @@ class Sender(ABC):
         while inbox.start == inbox.end:
             yield 1
         no_reply = self.no_reply if self.acknowledged else b""
-        arriving: Arriving[object] | None = None
+        scanner: Scanner | None = None
         needed = 0
         while True:
             if no_reply and inbox.memory.startswith(no_reply, inbox.start, inbox.end):
@@ -126,13 +127,19 @@ class Sender(ABC):
             if inbox.end - inbox.start < needed:
                 yield needed
                 continue
+            window = inbox.view[inbox.start : inbox.end]
             try:
-                # Usually the reply is complete, and no partial scan has to be remembered.
-                window = inbox.view[inbox.start : inbox.end]
-                self.answer, size = arriving.read(window) if arriving else codec.decode_from(window, dialect)
+                if scanner is not None:
+                    scanner.end(window)
+                self.answer, size = codec.decode_from(window, dialect)
             except TruncatedBottleError as error:
-                arriving = arriving or Arriving(codec, dialect)
+                if not needed:
+                    scanner = Scanner(dialect)  # so that no byte is looked at twice while more arrive
                 needed = error.needed
+            except BottleSyntaxError:
+                if scanner is None:
+                    raise
+                scanner = None  # some replies of services are no bottles: only the codec knows where they end
             else:
                 inbox.start += size
                 return

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
 import pytest
 from byte_driver import End, cut
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from replaying import VERSIONS, recordings, segments
-from rtf.bottle import Bottle, Dialect
+from rtf.bottle import Bottle, BottleError, Dialect
 from rtf.bottle.binary import encode
 from rtf.middleware.errors import ProtocolError
-from rtf.middleware.types import VECTOR, Stamp
+from rtf.middleware.types import VECTOR, ProtocolVersion, Stamp
 from rtf.middleware.types.codecs import BOTTLE, RAW
 from rtf.middleware.types.plain import BYTES
 from rtf.middleware.wire import authentication, binary, framing, lines
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
     from byte_driver import Cuts
 
     from replaying import Segment
+    from rtf.middleware.types.codecs import Codec
 
 TALK = '1 2.5 hello "two words" (1 2 3) [pos] {10 20 30} -7 "say \\"hi\\"" (1.5 2.5) (a (b c) [ok]) true 3000000000'
 MESSAGES = (TALK, "[get] [encs]", "end")
@@ -375,6 +378,56 @@ def test_any_bytes(data: bytes, places: Cuts):
                 got.append(type(error))
             outcomes.append(got)
         assert outcomes[0] == outcomes[1]
+
+
+@pytest.mark.parametrize(
+    ("value", "codec"),
+    [
+        (Bottle.parse(TALK), BOTTLE),
+        (np.arange(500.0), VECTOR),
+        (ProtocolVersion(0, 3, 12, 3), ProtocolVersion.codec),
+    ],
+)
+def test_a_reply_is_read_while_it_arrives(value: object, codec: Codec[object]):
+    """However the bytes come, the object is there with the last of them, also one that is no bottle."""
+    data = b"".join(codec.encode(value, Dialect.YARP3))
+    for step in (1, 7, len(data)):
+        end = End([*cut(data[:-1], step), data[-1:] + framing.ACK])
+        sender = binary.BinarySender(end.inbox, acknowledged=True)
+        end.run(sender.reply(codec, Dialect.YARP3))
+        assert b"".join(codec.encode(sender.answer, Dialect.YARP3)) == data
+        assert end.inbox.window() == framing.ACK
+
+
+def test_a_reply_that_is_no_object_is_refused_while_it_arrives():
+    """Whether the damage is there at once or comes later."""
+    good = encode(Bottle.parse(TALK))
+    bad = good[:-20] + b"\2\0\0\0" + good[-16:]
+    for pieces in ([bad], [bad[:100], bad[100:]]):
+        end = End(pieces)
+        with pytest.raises(BottleError, match="not the code"):
+            end.run(binary.BinarySender(end.inbox, acknowledged=True).reply(BOTTLE, Dialect.YARP3))
+
+
+def test_a_slow_peer_costs_no_more_than_a_quick_one():
+    """Ten times the bytes, one by one, are ten times the work and not a hundred times: here, the calls of functions."""
+
+    def drip(count: int) -> int:
+        end = End(cut(encode(Bottle([["a", index] for index in range(count)])), 1))
+        reply, calls = binary.BinarySender(end.inbox, acknowledged=True).reply(BOTTLE, Dialect.YARP3), 0
+
+        def counted(frame: object, event: str, argument: object) -> None:
+            nonlocal calls
+            calls += event in ("call", "c_call")
+
+        sys.setprofile(counted)
+        try:
+            end.run(reply)
+        finally:
+            sys.setprofile(None)
+        return calls
+
+    assert drip(1000) < 11 * drip(100)
 
 
 def test_a_question_in_text_is_answered_up_to_the_acknowledgement():
