@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Dialect
-from rtf.middleware.carriers.tcp_connection import open_stream
+from rtf.middleware.carriers.stream import open_stream
 from rtf.middleware.errors import AddressError, ConnectError, MiddlewareError
 from rtf.middleware.ports.access import Access
 
