@@ -186,6 +186,7 @@ def test_robot(words: Sequence[str]) -> int:
         ("torque", bool(torque)),
         ("sensors", bool(sensors.force_torque or sensors.inertial or sensors.angles)),
         ("force-torque", bool(sensors.force_torque)),
+        ("skin", bool(sensors.skin)),
         ("battery", sensors.battery is not None),
     ]
     folder = shipped_folder("suites") / "any"

@@ -58,6 +58,7 @@ SHIPPED: Mapping[str, str] = {
     "simulatedBoard": "rtf.simulator.robot_devices:SimulatedBoard",
     "simulatedForceTorque": "rtf.simulator.sensor_devices:SimulatedForceTorqueDevice",
     "simulatedBattery": "rtf.simulator.battery:SimulatedBatteryDevice",
+    "simulatedSkin": "rtf.simulator.skin:SimulatedSkinDevice",
     "simulatedImu": "rtf.simulator.sensor_devices:SimulatedImuDevice",
 }
 

@@ -19,6 +19,7 @@ from rtf.simulator.simulated_outlets import SimulatedOutlets
 from rtf.simulator.simulated_sensors import SimulatedForceTorque, SimulatedForceTorques, SimulatedImu
 from rtf.simulator.simulation import Simulation
 from rtf.simulator.simulation_clock import CLOCK, serve_time
+from rtf.simulator.skin import SKIN_PERIOD, SimulatedSkin
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -43,6 +44,7 @@ class SimulatedRobot:
     ``/NAME/PORT/analog:o``        each force-torque sensor, six numbers, and each group of sensors of joint angles
     ``/NAME/FTs/measures:o``       all force-torque sensors in one message, and ``rpc:o``
     ``/NAME/PORT``                 each inertial unit, twelve numbers; ``/NAME/PORT/measures:o`` and ``rpc:o``
+    ``/NAME/PORT`` …               each patch of skin, twelve numbers a triangle, and ``rpc:i``
     ``/NAME/PORT/data:o`` …        the battery, and ``rpc:i``
     ``/NAME/PORT``                 each camera, with ``cameras``
     ``/clock``                     the time: published, and served in lockstep
@@ -87,6 +89,9 @@ class SimulatedRobot:
             for name, settings in model.sensors.angles.items()
         }
         self.imus = {sensor.port: SimulatedImu(sensor, self.simulation) for sensor in plant.imus}
+        self.skin = {
+            name: SimulatedSkin(name, settings, self.simulation) for name, settings in model.sensors.skin.items()
+        }
         battery = model.sensors.battery
         self.battery = None if battery is None else SimulatedBattery(battery, self.simulation)
         self._state_period, self._camera_period = 1 / state_rate, 1 / camera_rate
@@ -114,6 +119,8 @@ class SimulatedRobot:
         for place, imu in self.imus.items():
             self._serve(opened, InertialServer, imu, place, SENSOR_PERIOD)
             self._serve(opened, AnalogSensorsServer, imu, place, SENSOR_PERIOD)
+        for patch in self.skin.values():
+            self._serve(opened, AnalogServer, patch, patch.settings.port, SKIN_PERIOD)
         if self.battery is not None:
             self.simulation.publish_regularly(self.battery)
             self._serve(opened, BatteryServer, self.battery, self.battery.settings.port, BATTERY_PERIOD)

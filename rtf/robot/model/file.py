@@ -160,6 +160,18 @@ class Battery(Table, frozen=True):
         return self.capacity * 3600.0 / ((self.full + self.empty) / 2.0)
 
 
+class SkinPatch(Table, frozen=True):
+    """A patch of skin that covers a shape of a link with triangles of twelve taxels."""
+
+    link: Text
+    port: Text  # /ROBOT/PORT
+    triangles: Annotated[int, Meta(gt=0, le=1000)]
+    shape: str = ""  # the name of the covered shape; default: the first one of the link that collides
+    rest: Annotated[float, Meta(ge=0.0, le=255.0)] = 240.0  # counts of a taxel that nothing touches
+    sensitivity: Positive = 20.0  # counts that a reading falls for one newton upon its taxel
+    noise: NotNegative = 1.0  # counts, standard deviation
+
+
 class Sensors(Table, frozen=True):
     """The sensors, by their names."""
 
@@ -167,6 +179,7 @@ class Sensors(Table, frozen=True):
     inertial: dict[str, Inertial] = {}
     cameras: dict[str, CameraTable] = {}
     angles: dict[str, AngleSensors] = {}
+    skin: dict[str, SkinPatch] = {}
     battery: Battery | None = None
 
 

@@ -47,6 +47,13 @@ _CAUSES: dict[str, tuple[str, ...]] = {
     "orientation": ("an IMU mounted in another orientation", "a wrong frame in the model"),
     "mode": ("firmware that breaks the rules of the control modes",),
     "sensor frozen": ("a loose cable of the sensor", "a sensor that has stopped", "a driver that repeats a value"),
+    "taxel": (
+        "a broken trace or a short circuit of the taxel",
+        "a triangle without its chip",
+        "a board that repeats it",
+    ),
+    "taxel pressed": ("something that touches the skin", "a cover that presses on it", "a damaged layer of the skin"),
+    "skin size": ("a wrong number of triangles in the configuration", "a wrong number in robot.toml"),
     "battery voltage": (
         "wrong voltages in robot.toml",
         "a discharged or overcharged battery",

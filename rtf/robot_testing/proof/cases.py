@@ -150,6 +150,8 @@ def _targets(robot: RobotModel) -> dict[Target, str]:
         targets[Target.IMU] = next(iter(sensors.inertial))
     if sensors.cameras:
         targets[Target.CAMERA] = next(iter(sensors.cameras))
+    if sensors.skin:
+        targets[Target.SKIN] = next(iter(sensors.skin))
     if sensors.battery is not None:
         targets[Target.BATTERY] = "battery"
     return targets

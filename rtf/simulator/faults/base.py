@@ -39,6 +39,7 @@ class Target(Enum):
     IMU = "the inertial unit: imu"
     CAMERA = "a camera: left or right"
     BATTERY = "the battery: battery"
+    SKIN = "a patch of skin, such as left_hand"
     PORT = "a port that publishes, such as /icubSim/head/state:o"
     ROBOT = "the robot: no name"
 
