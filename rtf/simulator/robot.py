@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from rtf.middleware.ports.network import Network
     from rtf.robot.model import RobotModel
     from rtf.robot.periodic_thread import Publisher
+    from rtf.simulator.depth_cameras import SimulatedDepthCamera
     from rtf.simulator.simulated_cameras import SimulatedCamera
 
 #: States of each part and pictures a second, unless others are asked for.
@@ -47,6 +48,7 @@ class SimulatedRobot:
     ``/NAME/PORT`` …               each patch of skin, twelve numbers a triangle, and ``rpc:i``
     ``/NAME/PORT/data:o`` …        the battery, and ``rpc:i``
     ``/NAME/PORT``                 each camera, with ``cameras``
+    ``/NAME/PORT/rgbImage:o`` …    each depth camera, likewise: ``depthImage:o``, ``rpc:i``
     ``/clock``                     the time: published, and served in lockstep
     ============================== ================================================================================
 
@@ -96,6 +98,7 @@ class SimulatedRobot:
         self.battery = None if battery is None else SimulatedBattery(battery, self.simulation)
         self._state_period, self._camera_period = 1 / state_rate, 1 / camera_rate
         self.cameras: dict[str, SimulatedCamera] = {}
+        self.depth_cameras: dict[str, SimulatedDepthCamera] = {}
         with ExitStack() as opened:
             self._open(opened, lockstep=lockstep, cameras=cameras, clock=clock)
             self._opened = opened.pop_all()
@@ -138,13 +141,19 @@ class SimulatedRobot:
         self.simulation.publish_regularly(made)
 
     def _open_cameras(self, opened: ExitStack) -> None:
+        from rtf.robot.rgbd import RgbdServer
         from rtf.robot.server.frame_grabber import FrameGrabberServer
+        from rtf.simulator.depth_cameras import SimulatedDepthCamera
         from rtf.simulator.simulated_cameras import SimulatedCamera
 
         for name, settings in self.model.sensors.cameras.items():
             camera = self.cameras[name] = SimulatedCamera(settings.camera, self.simulation)
             opened.callback(camera.close)
             self._serve(opened, FrameGrabberServer, camera, settings.port, self._camera_period)
+        for name, described in self.model.sensors.depth_cameras.items():
+            depths = self.depth_cameras[name] = SimulatedDepthCamera(name, described, self.simulation)
+            opened.callback(depths.close)
+            self._serve(opened, RgbdServer, depths, described.port, self._camera_period)
 
     def _settle(self) -> None:
         if self.clock.participants:

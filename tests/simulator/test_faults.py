@@ -93,6 +93,7 @@ class Bench:
         self.simulation.publish_regularly(self.battery)
         self.skin = {"left_hand": SimulatedSkin("left_hand", ICUB.sensors.skin["left_hand"], self.simulation)}
         self.cameras = {"left": SimpleNamespace(faults=[])}
+        self.depth_cameras = {"depth": SimpleNamespace(faults=[])}
         self.port = Outlet(self)
         self.outlet = SimulatedOutlet(self.port, self.simulation)  # type: ignore[arg-type]  # it writes, as that does
         self.outlets = SimpleNamespace(by_name={PORT: self.outlet})
@@ -158,6 +159,7 @@ TARGETS = {
     Target.ROBOT: "",
     Target.BATTERY: "battery",
     Target.SKIN: "left_hand",
+    Target.DEPTH_CAMERA: "depth",
 }
 
 
@@ -192,6 +194,7 @@ def health(bench: Bench) -> dict[str, object]:
     found["pushed"] = bench.simulation.data.qfrc_applied.tobytes()
     found["limits"] = (boards.trajectories.minimum.tobytes(), boards.trajectories.maximum.tobytes())
     found["told"] = [list(bench.imus["inertial"].faults), list(bench.force_torques["left_arm"].faults)]
+    found["measured"] = list(bench.depth_cameras["depth"].faults)
     found["felt"] = list(bench.skin["left_hand"].faults)
     found["drained"] = [list(bench.battery.weaknesses), list(bench.battery.faults)]
     found["seen"] = list(bench.cameras["left"].faults)
@@ -584,6 +587,26 @@ def taxel_dies(bench: Bench) -> None:
     assert np.delete(changes, 96).min() > 0.0
 
 
+def depths(bench: Bench, depth: np.ndarray) -> np.ndarray:
+    """What a depth camera publishes instead of these depths."""
+    for fault in bench.depth_cameras["depth"].faults:
+        depth = fault(depth, bench.simulation.now)
+    return depth
+
+
+def depth_freezes(bench: Bench) -> None:
+    """The first depths stay."""
+    first = depths(bench, np.full((2, 3), 1.0, np.float32))
+    assert depths(bench, np.full((2, 3), 2.0, np.float32)).tolist() == first.tolist() == [[1.0] * 3] * 2
+
+
+def depth_is_scaled(bench: Bench) -> None:
+    """All depths are a tenth too short, and still numbers of 32 bits; what is not measured stays so."""
+    shown = depths(bench, np.array([[2.0, 0.0]], np.float32))
+    assert shown.dtype == np.float32
+    assert shown[0].tolist() == pytest.approx([1.8, 0.0])
+
+
 def is_late(bench: Bench) -> None:
     """Each comes 0.05 s after it was written, in order."""
     came = bench.publish(20)
@@ -673,6 +696,8 @@ SHOWS: dict[str, Callable[[Bench], None]] = {
     "battery_weak": battery_is_weak,
     "battery_frozen": battery_freezes,
     "taxel_dead": taxel_dies,
+    "depth_frozen": depth_freezes,
+    "depth_scale": depth_is_scaled,
     "latency": is_late,
     "jitter": comes_irregularly,
     "loss": gets_lost,

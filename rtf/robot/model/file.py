@@ -172,6 +172,27 @@ class SkinPatch(Table, frozen=True):
     noise: NotNegative = 1.0  # counts, standard deviation
 
 
+class KnownDepth(Table, frozen=True):
+    """The known depth of a place in the images of a depth camera, while the robot is at home."""
+
+    at: tuple[Annotated[float, Meta(ge=0.0, le=1.0)], Annotated[float, Meta(ge=0.0, le=1.0)]]  # from left and from top
+    depth: Positive  # m, along the optical axis
+
+
+class DepthCamera(Table, frozen=True):
+    """A depth camera at the place of a camera of the model."""
+
+    camera: Text  # of the description, of an attached file, or ``outside``, that of the scene
+    port: Text  # /ROBOT/PORT/rgbImage:o
+    width: Annotated[int, Meta(gt=0, le=1280)] = 320
+    height: Annotated[int, Meta(gt=0, le=960)] = 240
+    near: Positive = 0.2  # m, the least depth that is measured
+    far: Positive = 6.0  # m, the greatest one
+    accuracy: Positive = 0.01  # m
+    noise: NotNegative = 0.001  # m, standard deviation
+    known: list[KnownDepth] = []
+
+
 class Sensors(Table, frozen=True):
     """The sensors, by their names."""
 
@@ -180,6 +201,7 @@ class Sensors(Table, frozen=True):
     cameras: dict[str, CameraTable] = {}
     angles: dict[str, AngleSensors] = {}
     skin: dict[str, SkinPatch] = {}
+    depth_cameras: dict[str, DepthCamera] = {}
     battery: Battery | None = None
 
 
