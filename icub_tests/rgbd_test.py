@@ -143,7 +143,7 @@ class RgbdTest(RateTest):
     # Judging -----------------------------------------------------------------------------------------------------
 
     def _judge(self, name: str) -> None:
-        colours, depths = (self._judge_stream(f"{name}/{ending}") for ending in (COLOUR, DEPTH))
+        colours, depths = (self._judge_stream(name, ending) for ending in (COLOUR, DEPTH))
         sizes = {(one.width, one.height) for one in (*_seen(colours), *_seen(depths))}
         self.check_fail_if_true(len(sizes) > 1, f"pictures and depths of {name} have different sizes: {sorted(sizes)}")
         self._judge_times(colours, depths)
@@ -157,11 +157,12 @@ class RgbdTest(RateTest):
         self.measure("repeated depths", _repeated(depths), "%", high=self.max_repeated, hint=hint)
         self._judge_optics(name, seen[-1])
 
-    def _judge_stream(self, port: str) -> list[Message]:
+    def _judge_stream(self, name: str, ending: str) -> list[Message]:
+        port = f"{name}/{ending}"
         recorder = self.listener.recorders[port]
         if recorder.problems:
             self.assert_fail(f"{len(recorder.problems)} messages of {port} are no images: {recorder.problems[0]}")
-        with self.subresult(port):
+        with self.subresult(ending):
             self.judge(self.judged(recorder.messages, self.time, port), self.frequency, self.tolerance)
         return within(recorder.messages, self.warm_up, self.time)
 
