@@ -15,7 +15,7 @@ MISSING = {
     "CartesianControlSimpleP2pMovementTest", "CartesianControlReachingToleranceTest", "GazeControlSimpleLookTest",
     "DemoRedBallTest", "gazeController-stress",
 }  # fmt: skip
-OWN = {"BatteryTest"}
+OWN = {"BatteryTest", "RgbdTest", "SkinTest"}
 ROW = re.compile(r"^\| (?P<name>\w+) \| (?P<value>\S+?)(?: (?P<unit>\S+))? \| (?:C\+\+|chosen)(?![\w+])[^|]* \|$")
 
 
