@@ -181,23 +181,43 @@ def test_robot(words: Sequence[str]) -> int:
     robot = load_robot(options.robot)
     torque = [part.name for part in robot.parts.values() if any(axis.torque_control for axis in part.axes)]
     sensors = robot.sensors
-    chosen = [
-        ("joints", True),
-        ("torque", bool(torque)),
-        ("sensors", bool(sensors.force_torque or sensors.inertial or sensors.angles)),
-        ("force-torque", bool(sensors.force_torque)),
-        ("battery", sensors.battery is not None),
-    ]
+    absent = "which the robot does not have"
+    obstacles = {
+        "joints": "",
+        "torque": "" if torque else absent,
+        "sensors": "" if sensors.force_torque or sensors.inertial or sensors.angles else absent,
+        "force-torque": "" if sensors.force_torque else absent,
+        "skin": "" if sensors.skin else absent,
+        "depth-cameras": _obstacle_to_rendering() if sensors.depth_cameras else absent,
+        "battery": "" if sensors.battery is not None else absent,
+    }
     folder = shipped_folder("suites") / "any"
-    suites = [word for name, has in chosen if has for word in ("--suite", str(folder / f"simulated-{name}.xml"))]
+    suites = [
+        word
+        for name, why in obstacles.items()
+        if not why
+        for word in ("--suite", str(folder / f"simulated-{name}.xml"))
+    ]
     defined = {"model": str(robot.folder / FILE), "parts": " ".join(robot.parts), "torque_parts": " ".join(torque)}
     needed = ["model", "parts", *(["torque_parts"] if torque else [])]
     defines = [word for name in needed for word in ("--define", f"{name}={defined[name]}")]
     print(f"{robot.title}: {len(robot.axes)} joints in {len(robot.parts)} parts, thresholds {robot.profile}")
-    for name, has in chosen:
-        if not has:
-            print(f"not tested: {name}, which the robot does not have")
+    for name, why in obstacles.items():
+        if why:
+            print(f"not tested: {name}, {why}")
     return int(testrunner.main([*suites, *defines, *rest]))
+
+
+def _obstacle_to_rendering() -> str:
+    """Return why no image can be made on this machine; an empty string if it can."""
+    from rtf.simulator.errors import RenderingError
+    from rtf.simulator.rendering import rendering_back_end
+
+    try:
+        rendering_back_end()
+    except RenderingError as error:
+        return f"as {error}"
+    return ""
 
 
 def _source(description: Path, package: str, path: Path) -> str:

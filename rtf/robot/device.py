@@ -53,11 +53,20 @@ SHIPPED: Mapping[str, str] = {
         battery_nws_yarp="BatteryServerDevice",
         battery_nwc_yarp="BatteryClient",
     ),
+    **_family(
+        "rtf.robot.sensors.rgbd",
+        fakeDepthCamera="FakeDepthCamera",
+        rgbdSensor_nws_yarp="RgbdServerDevice",
+        RGBDSensor_nws_yarp="RgbdServerDevice",
+        RGBDSensorClient="RgbdClient",
+        RGBDSensor_nwc_yarp="RgbdClient",
+    ),
     "simulatedRobot": "rtf.simulator.robot_devices:SimulationDevice",
     "simulatedICub": "rtf.simulator.robot_devices:SimulationDevice",
     "simulatedBoard": "rtf.simulator.robot_devices:SimulatedBoard",
     "simulatedForceTorque": "rtf.simulator.sensor_devices:SimulatedForceTorqueDevice",
     "simulatedBattery": "rtf.simulator.battery:SimulatedBatteryDevice",
+    "simulatedSkin": "rtf.simulator.skin:SimulatedSkinDevice",
     "simulatedImu": "rtf.simulator.sensor_devices:SimulatedImuDevice",
 }
 

@@ -19,6 +19,7 @@ from rtf.simulator.simulated_outlets import SimulatedOutlets
 from rtf.simulator.simulated_sensors import SimulatedForceTorque, SimulatedForceTorques, SimulatedImu
 from rtf.simulator.simulation import Simulation
 from rtf.simulator.simulation_clock import CLOCK, serve_time
+from rtf.simulator.skin import SKIN_PERIOD, SimulatedSkin
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from rtf.middleware.ports.network import Network
     from rtf.robot.model import RobotModel
     from rtf.robot.periodic_thread import Publisher
+    from rtf.simulator.depth_cameras import SimulatedDepthCamera
     from rtf.simulator.simulated_cameras import SimulatedCamera
 
 #: States of each part and pictures a second, unless others are asked for.
@@ -43,8 +45,10 @@ class SimulatedRobot:
     ``/NAME/PORT/analog:o``        each force-torque sensor, six numbers, and each group of sensors of joint angles
     ``/NAME/FTs/measures:o``       all force-torque sensors in one message, and ``rpc:o``
     ``/NAME/PORT``                 each inertial unit, twelve numbers; ``/NAME/PORT/measures:o`` and ``rpc:o``
+    ``/NAME/PORT`` …               each patch of skin, twelve numbers a triangle, and ``rpc:i``
     ``/NAME/PORT/data:o`` …        the battery, and ``rpc:i``
     ``/NAME/PORT``                 each camera, with ``cameras``
+    ``/NAME/PORT/rgbImage:o`` …    each depth camera, likewise: ``depthImage:o``, ``rpc:i``
     ``/clock``                     the time: published, and served in lockstep
     ============================== ================================================================================
 
@@ -87,10 +91,14 @@ class SimulatedRobot:
             for name, settings in model.sensors.angles.items()
         }
         self.imus = {sensor.port: SimulatedImu(sensor, self.simulation) for sensor in plant.imus}
+        self.skin = {
+            name: SimulatedSkin(name, settings, self.simulation) for name, settings in model.sensors.skin.items()
+        }
         battery = model.sensors.battery
         self.battery = None if battery is None else SimulatedBattery(battery, self.simulation)
         self._state_period, self._camera_period = 1 / state_rate, 1 / camera_rate
         self.cameras: dict[str, SimulatedCamera] = {}
+        self.depth_cameras: dict[str, SimulatedDepthCamera] = {}
         with ExitStack() as opened:
             self._open(opened, lockstep=lockstep, cameras=cameras, clock=clock)
             self._opened = opened.pop_all()
@@ -114,6 +122,8 @@ class SimulatedRobot:
         for place, imu in self.imus.items():
             self._serve(opened, InertialServer, imu, place, SENSOR_PERIOD)
             self._serve(opened, AnalogSensorsServer, imu, place, SENSOR_PERIOD)
+        for patch in self.skin.values():
+            self._serve(opened, AnalogServer, patch, patch.settings.port, SKIN_PERIOD)
         if self.battery is not None:
             self.simulation.publish_regularly(self.battery)
             self._serve(opened, BatteryServer, self.battery, self.battery.settings.port, BATTERY_PERIOD)
@@ -132,12 +142,18 @@ class SimulatedRobot:
 
     def _open_cameras(self, opened: ExitStack) -> None:
         from rtf.robot.sensors.camera import FrameGrabberServer
+        from rtf.robot.sensors.rgbd import RgbdServer
+        from rtf.simulator.depth_cameras import SimulatedDepthCamera
         from rtf.simulator.simulated_cameras import SimulatedCamera
 
         for name, settings in self.model.sensors.cameras.items():
             camera = self.cameras[name] = SimulatedCamera(settings.camera, self.simulation)
             opened.callback(camera.close)
             self._serve(opened, FrameGrabberServer, camera, settings.port, self._camera_period)
+        for name, described in self.model.sensors.depth_cameras.items():
+            depths = self.depth_cameras[name] = SimulatedDepthCamera(name, described, self.simulation)
+            opened.callback(depths.close)
+            self._serve(opened, RgbdServer, depths, described.port, self._camera_period)
 
     def _settle(self) -> None:
         if self.clock.participants:

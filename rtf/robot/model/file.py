@@ -160,6 +160,39 @@ class Battery(Table, frozen=True):
         return self.capacity * 3600.0 / ((self.full + self.empty) / 2.0)
 
 
+class SkinPatch(Table, frozen=True):
+    """A patch of skin that covers a shape of a link with triangles of twelve taxels."""
+
+    link: Text
+    port: Text  # /ROBOT/PORT
+    triangles: Annotated[int, Meta(gt=0, le=1000)]
+    shape: str = ""  # the name of the covered shape; default: the first one of the link that collides
+    rest: Annotated[float, Meta(ge=0.0, le=255.0)] = 240.0  # counts of a taxel that nothing touches
+    sensitivity: Positive = 20.0  # counts that a reading falls for one newton upon its taxel
+    noise: NotNegative = 1.0  # counts, standard deviation
+
+
+class KnownDepth(Table, frozen=True):
+    """The known depth of a place in the images of a depth camera, while the robot is at home."""
+
+    at: tuple[Annotated[float, Meta(ge=0.0, le=1.0)], Annotated[float, Meta(ge=0.0, le=1.0)]]  # from left and from top
+    depth: Positive  # m, along the optical axis
+
+
+class DepthCamera(Table, frozen=True):
+    """A depth camera at the place of a camera of the model."""
+
+    camera: Text  # of the description, of an attached file, or ``outside``, that of the scene
+    port: Text  # /ROBOT/PORT/rgbImage:o
+    width: Annotated[int, Meta(gt=0, le=1280)] = 320
+    height: Annotated[int, Meta(gt=0, le=960)] = 240
+    near: Positive = 0.2  # m, the least depth that is measured
+    far: Positive = 6.0  # m, the greatest one
+    accuracy: Positive = 0.01  # m
+    noise: NotNegative = 0.001  # m, standard deviation
+    known: list[KnownDepth] = []
+
+
 class Sensors(Table, frozen=True):
     """The sensors, by their names."""
 
@@ -167,6 +200,8 @@ class Sensors(Table, frozen=True):
     inertial: dict[str, Inertial] = {}
     cameras: dict[str, CameraTable] = {}
     angles: dict[str, AngleSensors] = {}
+    skin: dict[str, SkinPatch] = {}
+    depth_cameras: dict[str, DepthCamera] = {}
     battery: Battery | None = None
 
 

@@ -291,6 +291,12 @@ class _Reading:
             for axis, _ in angles.channels:
                 if axis not in joints:
                     self._fail(["sensors", "angles", name], f"{name}: there is no joint {axis!r}")
+        for name, camera in sensors.depth_cameras.items():
+            if not camera.near < camera.far:
+                self._fail(
+                    ["sensors", "depth_cameras", name],
+                    f"{name}: near, {camera.near:g} m, is less than far, {camera.far:g} m",
+                )
         battery = sensors.battery
         if battery is not None and not battery.empty < battery.full:
             self._fail(

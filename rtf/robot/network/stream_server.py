@@ -75,21 +75,22 @@ class StreamServer(ABC, Generic[T]):
         self,
         names: Sequence[str],
         codec: Codec[Any],
-        rpc: str = "",
+        rpc: str | Sequence[str] = "",
         answer: Callable[[Bottle], object] | None = None,
         *,
         dialect: Dialect | None = None,
     ) -> Self:
-        """Open the ports of the stream, and an RPC port if there is a handler; all of them or none.
+        """Open the ports of the stream, and one or several RPC ports if there is a handler; all of them or none.
 
-        ``dialect`` is that of the RPC port; None: that of the network.
+        ``dialect`` is that of the RPC ports; None: that of the network.
         """
         with ExitStack() as opened:
             self._ports = [opened.enter_context(closing(self._outlets.open(name, codec))) for name in names]
             if answer is not None:
-                handle = with_error_replies(answer, port=rpc, network=self.network)
                 network = self.network if dialect is None else self.network.in_dialect(dialect)
-                opened.enter_context(RpcServer(rpc, handle, network=network))
+                for name in [rpc] if isinstance(rpc, str) else rpc:
+                    handle = with_error_replies(answer, port=name, network=self.network)
+                    opened.enter_context(RpcServer(name, handle, network=network))
             self._opened = opened.pop_all()
         return self
 

@@ -44,7 +44,9 @@ class PortChannels(NamedTuple):
 
 
 class AnalogServer(StreamServer[FloatArray]):
-    """Publishes a device's channels at ``NAME``, or at the ``ports`` that share them; RPC port: ``NAME/rpc:i``.
+    """Publishes a device's channels at ``NAME``, or at the ``ports`` that share them; each has an RPC port ``…/rpc:i``.
+
+    The requests of all RPC ports are for the whole device, as in YARP.
 
     Raises ConfigurationError for channels that the device does not have, ConnectError and AddressError.
     """
@@ -68,7 +70,8 @@ class AnalogServer(StreamServer[FloatArray]):
             if share.first + share.size > channels:
                 raise ConfigurationError(f"{share.name} needs more channels than the {channels} of the sensor")
         self._whole = self._shares == [PortChannels(self._shares[0].name, 0, channels)]
-        self.open_ports([share.name for share in self._shares], VECTOR, f"{name}/rpc:i", self._answer)
+        names = [share.name for share in self._shares]
+        self.open_ports(names, VECTOR, [f"{one}/rpc:i" for one in names], self._answer)
 
     def measure(self, now: float) -> tuple[FloatArray, float]:
         return self._device.read().values, now
@@ -144,9 +147,10 @@ class AnalogDevice(PublishingDevice):
     def serve(self, device: Device) -> AnalogServer:
         """Open the server. Raises ConnectError for names of existing ports, which it would take over."""
         sensor = device.view(IAnalogSensor)  # type: ignore[type-abstract]  # it is only looked for
-        for name in (*([share.name for share in self._ports] or [self.port_name]), f"{self.port_name}/rpc:i"):
-            if exists(self.network, Contact(name)):
-                raise ConnectError(f"the port {name} exists already")
+        for name in [share.name for share in self._ports] or [self.port_name]:
+            for port in (name, f"{name}/rpc:i"):
+                if exists(self.network, Contact(port)):
+                    raise ConnectError(f"the port {port} exists already")
         return AnalogServer(sensor, self.port_name, network=self.network, period=self.period, ports=self._ports)
 
 

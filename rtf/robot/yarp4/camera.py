@@ -178,8 +178,8 @@ class CameraService(DeviceService):
 # The client -----------------------------------------------------------------------------------------------------------
 
 
-def has_functions(server: str, network: Network, *, patience: float) -> bool:
-    """Return whether the RPC port of a camera has the functions of YARP 4, by calling one.
+def has_functions(server: str, network: Network, *, patience: float, function: str = "getWidthRPC") -> bool:
+    """Return whether the RPC port of a camera has the functions of YARP 4, by calling one without arguments.
 
     Cameras of YARP 3 answer it with ``[nak]``; both versions have the same port. ``patience`` is the timeout in seconds
     of real time. Raises DeviceError if there is no server, or it does not answer: one of YARP 4 gives an empty reply
@@ -187,7 +187,7 @@ def has_functions(server: str, network: Network, *, patience: float) -> bool:
     """
     try:
         with RpcClient("", server, network=network) as port:
-            answer = port.call(call("getWidthRPC"), timeout=patience)
+            answer = port.call(call(function), timeout=patience)
     except RtfError as error:
         raise DeviceError(f"{server} cannot be asked: {error}; is its robot running?") from error
     if not answer:

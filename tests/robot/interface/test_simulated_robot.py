@@ -105,6 +105,7 @@ def test_from_start_to_end(program: Program):
         eventually(lambda: _reads(sensors), "no measurement of the force-torque sensors comes")
         names = {contact.name for contact in network.names.list("/icubSim")}
         assert {"/icubSim/inertial", "/icubSim/left_foot/analog:o", "/icubSim/head/stateExt:o"} <= names
+        assert {f"/icubSim/skin/{side}_{part}" for side in ("left", "right") for part in ("hand", "forearm")} <= names
         assert str(asking.call(Bottle.parse("quit"), timeout=10)) == "bye"
     assert program.process.wait(_LIMIT) == 0, program.said
     for part in PARTS:

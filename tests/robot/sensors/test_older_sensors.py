@@ -141,6 +141,25 @@ def test_channels_divided_among_ports(network: Network, sensor: FakeAnalogSensor
     assert Stamp.parse(one.envelope) == Stamp.parse(other.envelope) == Stamp(0, 7.0)
 
 
+def test_each_share_is_a_sensor_of_its_own_for_clients(network: Network, sensor: FakeAnalogSensor):
+    """Its port has its requests, which are for the whole device, and they are closed with it."""
+    device = AnalogDevice("server", network=network)
+    device.open(Property({"name": "/skin", "ports": ["left"], "left": [0, 1, 2, 3], "period": 1000}))
+    with closing(device):
+        device.attach({"skin": sensor})
+        client = AnalogClient("client", network=network)
+        client.open(Property({"remote": "/skin/left", "carrier": "tcp"}))
+        with closing(client):
+            client.calibrate(2)
+            eventually(lambda: client.channels() == 2, "no message of the share")
+        other = AnalogDevice("other", network=network)
+        other.open(Property({"name": "/skin/left"}))
+        with closing(other), pytest.raises(DeviceError, match="the port /skin/left exists already"):
+            other.attach({"skin": sensor})
+    assert network.names.query("/skin/left/rpc:i") is None
+    assert network.names.query("/skin/rpc:i") is None
+
+
 @pytest.mark.parametrize("numbers", [None, [0, 1, 2], [3, 1, 3, 1], [0, 5, 0, 2], [-1, 0, -1, 0], [0, 1, 0, "a"]])
 def test_wrong_shares(network: Network, numbers: list[object] | None):
     """A port without valid channels is refused by name."""
