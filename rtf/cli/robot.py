@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from rtf.robot.model import RobotModel
     from rtf.simulator.plant import Plant
 
-#: A drive that gravity loads with more than this share of its torque has too little left to move.
-_LOADED = 0.8
 _PICTURE = (640, 480)
 
 
@@ -60,8 +58,8 @@ def list_robots(words: Sequence[str]) -> int:
 def check_robot(words: Sequence[str]) -> int:
     """Read a robot, build it, and say what is wrong or assumed; 1 if a robot like this could not be tested."""
     from rtf.robot.model import load_robot
-    from rtf.simulator.contacts import touching
     from rtf.simulator.plant import Options, build
+    from rtf.simulator.poses import problems_of
 
     parser = Parser(prog="rtf robot check", description="Look at a robot: its joints, its drives, what was assumed.")
     parser.add_argument("robot", metavar="ROBOT", help=f"its name, or the path of its {FILE}")
@@ -72,7 +70,7 @@ def check_robot(words: Sequence[str]) -> int:
     data = plant.data()
     gravity = plant.axis_torques(data.qfrc_bias).tolist()
     _print_joints(robot, gravity)
-    problems = _problems(robot, touching(plant.model, data), gravity)
+    problems = problems_of(plant)
     for sentence in robot.assumed:
         print(f"assumed: {sentence}")
     for problem in problems:
@@ -103,17 +101,6 @@ def _print_joints(robot: RobotModel, gravity: Sequence[float]) -> None:
             f"{axis.gearbox:g}",
         )
     Console(width=110, highlight=False).print(table)
-
-
-def _problems(robot: RobotModel, contacts: Sequence[tuple[str, str]], gravity: Sequence[float]) -> list[str]:
-    """Return what would keep a robot from being tested, a sentence each."""
-    found = [f"{first} and {second} touch in the home pose" for first, second in contacts]
-    for axis, load in zip(robot.axes, gravity, strict=True):
-        if abs(load) > _LOADED * axis.max_torque:
-            found.append(
-                f"{axis.name}: gravity takes {abs(load):.3g} of its {axis.max_torque:g} at home; see max_torque"
-            )
-    return found
 
 
 def _draw(plant: Plant, path: Path) -> None:

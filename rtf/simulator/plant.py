@@ -35,7 +35,7 @@ import numpy as np
 from rtf.robot.model.description import fix_root, load_description
 from rtf.robot.model.engine import mujoco
 from rtf.robot.model.errors import RobotModelError
-from rtf.simulator import collisions, model_sensors, scene
+from rtf.simulator import collisions, model_sensors, scene, workspace
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -145,6 +145,7 @@ def build(robot: RobotModel, options: Options | None = None) -> Plant:
     _set_joints(spec, robot, options)
     _add_actuators(spec, robot)
     model_sensors.add_sensors(spec, robot)
+    workspace.add_points(spec, robot)
     _shape(spec, robot, published, attached, options)
     moving = {joint.parent.name for joint in spec.joints}
     fixed = {robot.body.root, *(sensor.link for sensor in robot.sensors.force_torque.values())}

@@ -75,6 +75,25 @@ def test_a_weak_or_touching_robot_is_not_in_order(tmp_path: Path):
     assert "NOT IN ORDER" in checked.stdout
 
 
+def test_poses_outside_of_the_workspace_are_not_in_order(tmp_path: Path):
+    """The point, the plane and the pose are named; home within it is no problem; an unknown link is told."""
+    bench = find_robot("bench").parent
+    (tmp_path / "bench.xml").write_text((bench / "bench.xml").read_text(encoding="utf-8"), encoding="utf-8")
+    text = (bench / "robot.toml").read_text(encoding="utf-8")
+    text += "[workspace]\nbox = { low = [-0.3, -0.3, 0], high = [0.3, 0.3, 1] }\n[safe.stretched]\nshoulder = 90\n"
+    (tmp_path / "robot.toml").write_text(f"{text}elbow = 0\n", encoding="utf-8")
+    checked = robot(tmp_path, "check", "./robot.toml")
+    assert checked.returncode == 0, "the origins of the links count, and stay within"
+    tip = "[workspace.points]\ntip = { link = 'fore', position = [0, 0, -0.22], radius = 0.02 }\n"
+    (tmp_path / "robot.toml").write_text(f"{text}elbow = 0\n{tip}", encoding="utf-8")
+    checked = robot(tmp_path, "check", "./robot.toml")
+    assert checked.returncode == 1
+    assert "problem: tip is 190 mm beyond least x of the workspace in the safe pose stretched" in checked.stdout
+    assert "in the home pose" not in checked.stdout
+    (tmp_path / "robot.toml").write_text(f"{text}{tip.replace('fore', 'four')}", encoding="utf-8")
+    assert "'four'; its links are post, upper, fore" in robot(tmp_path, "check", "./robot.toml").stderr
+
+
 def test_a_draft_of_what_is_shipped_is_in_order(tmp_path: Path):
     """From the description alone; it does not overwrite anything, and what it assumed stands in it."""
     description = find_robot("bench").parent / "bench.xml"

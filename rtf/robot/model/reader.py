@@ -18,17 +18,20 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import msgspec
 import numpy as np
 
+from rtf.errors import did_you_mean
 from rtf.robot.model.errors import RobotModelError
 from rtf.robot.model.file import CouplingBlock, Joint, PartTable, RobotFile
 from rtf.robot.model.names import DEFAULT_ROBOT, FILE, ROBOT_MODEL_VARIABLE
 from rtf.robot.model.places import line_of, steps_of
 from rtf.robot.model.values import Axis, Coupling, Part, RobotModel
+from rtf.robot.model.workspace import workspace_of
 from rtf.testing.plugins import shipped_folder
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from rtf.robot.model.description import JointDescription
+    from rtf.robot.model.workspace import Workspace
 
 #: Of a joint for which neither the file nor the description says more: those of a small bench.
 _FALLBACK = Joint(max_velocity=90.0, gearbox=100.0, encoder_resolution=182.044, ratio=1.0)
@@ -157,7 +160,36 @@ class _Reading:
             scene=file.scene,
             profile=file.profile,
             assumed=tuple(file.assumed),
+            workspace=self._workspace(),
+            safe_poses=self._safe_poses(
+                [axis for part in (*parts.values(), *kinematic.values()) for axis in part.axes]
+            ),
         )
+
+    def _workspace(self) -> Workspace | None:
+        if self._file.workspace is None:
+            return None
+        try:
+            return workspace_of(self._file.workspace)
+        except ValueError as error:
+            self._fail(["workspace"], f"workspace: {error}")
+
+    def _safe_poses(self, axes: Sequence[Axis]) -> dict[str, dict[str, float]]:
+        """Return the safe poses, completed by the home positions."""
+        by_name = {axis.name: axis for axis in axes}
+        for name, pose in self._file.safe.items():
+            for joint, place in pose.items():
+                keys, axis = ["safe", name, joint], by_name.get(joint)
+                if axis is None:
+                    self._fail(keys, f"safe pose {name}: there is no joint {joint!r}{did_you_mean(joint, by_name)}")
+                if not axis.minimum <= place <= axis.maximum:
+                    self._fail(
+                        keys,
+                        f"safe pose {name}: {joint} at {place:g} {axis.unit} is not within its limits "
+                        f"{axis.minimum:g} and {axis.maximum:g}",
+                    )
+        home = {axis.name: axis.home for axis in axes}
+        return {name: {**home, **pose} for name, pose in self._file.safe.items()}
 
     def _part(self, name: str, table: PartTable) -> Part:
         if not table.joints:

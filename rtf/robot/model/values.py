@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from rtf.robot.model.file import Bench, Body, Sensors
+    from rtf.robot.model.workspace import Workspace
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +121,9 @@ class RobotModel:
     scene: Bench
     profile: str  # the origin of its thresholds: measured on a robot, chosen, or unvalidated
     assumed: tuple[str, ...] = field(default=())  # what ``rtf robot new`` had to assume
+    workspace: Workspace | None = None  # None: nothing is known of it
+    #: Poses in which the robot may be left: a position of every axis (unit), with physics or without.
+    safe_poses: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @cached_property
     def axes(self) -> tuple[Axis, ...]:
