@@ -58,6 +58,7 @@ def list_robots(words: Sequence[str]) -> int:
 def check_robot(words: Sequence[str]) -> int:
     """Read a robot, build it, and say what is wrong or assumed; 1 if a robot like this could not be tested."""
     from rtf.robot.model import load_robot
+    from rtf.robot_testing.thresholds import wrong_thresholds
     from rtf.simulator.plant import Options, build
     from rtf.simulator.poses import problems_of
 
@@ -70,7 +71,7 @@ def check_robot(words: Sequence[str]) -> int:
     data = plant.data()
     gravity = plant.axis_torques(data.qfrc_bias).tolist()
     _print_joints(robot, gravity)
-    problems = problems_of(plant)
+    problems = [*problems_of(plant), *wrong_thresholds(robot)]
     for sentence in robot.assumed:
         print(f"assumed: {sentence}")
     for problem in problems:
@@ -155,6 +156,7 @@ def test_robot(words: Sequence[str]) -> int:
     from rtf.cli import testrunner
     from rtf.cli.arguments import parse_run
     from rtf.robot.model import load_robot
+    from rtf.robot_testing.thresholds import wrong_thresholds
     from rtf.testing.plugins import shipped_folder
 
     parser = Parser(
@@ -166,6 +168,9 @@ def test_robot(words: Sequence[str]) -> int:
     options, rest = parser.parse_known_args(words)
     parse_run(rest)
     robot = load_robot(options.robot)
+    if problems := wrong_thresholds(robot):
+        print("\n".join(f"rtf robot: {problem}" for problem in problems), file=sys.stderr)
+        return int(ExitCode.USAGE)
     torque = [part.name for part in robot.parts.values() if any(axis.torque_control for axis in part.axes)]
     sensors = robot.sensors
     chosen = [

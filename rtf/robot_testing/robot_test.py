@@ -27,18 +27,20 @@ from rtf.robot_testing.motion.part import Part
 from rtf.robot_testing.name_server import await_name_server
 from rtf.robot_testing.parameter_checks import refuse, wrong_lists
 from rtf.robot_testing.robot_name import ROBOT_VARIABLE, robot_model, robot_name
+from rtf.robot_testing.thresholds import thresholds_for
 from rtf.simulator.control_client import SimulatorControl
 from rtf.testing import Parameter, TestCase
 from rtf.testing.permission import has_permission
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from rtf.clock import Clock
     from rtf.middleware.ports.network import Network
     from rtf.robot.client.boards import RemoteBoard
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.motion.part import Arrival
+    from rtf.testing.parameters import Given
     from rtf.testing.session import Session
 
 _DEFAULT_ROBOT = "icubSim"
@@ -65,6 +67,9 @@ class RobotTest(TestCase):
     clock: Clock
     _parts: dict[str, Part]
     _may_move = False
+
+    def profile(self, folder: str) -> Iterable[Given]:
+        return thresholds_for(type(self), robot_model(self), folder)
 
     def check_parameters(self, folder: str) -> None:
         super().check_parameters(folder)
@@ -114,9 +119,8 @@ class RobotTest(TestCase):
         self.network = default_network()
         await_name_server(self.network, self.warn)
         self._report_other_robot()
-        model = robot_model(self)
-        if model.profile == "unvalidated":
-            self.report(f"the thresholds of {model.name} are not validated: {model.folder} says so")
+        if unvalidated := robot_model(self).unvalidated:
+            self.report(unvalidated)
         self._parts = {}
         self.clock = clock_from_environment(self.network)
         used = clock.use(self.clock)

@@ -114,6 +114,10 @@ overload_current = 15.0
 [defaults]
 motor = "assumed"
 gearbox = 100.0
+
+[thresholds.JointLimits]  # drives that carry much of their torque need the rest to reach a limit
+origin = "unvalidated"
+outputLimitPercent = 95
 """
 
 

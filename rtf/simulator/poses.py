@@ -54,5 +54,5 @@ def problems_of(plant: Plant) -> list[str]:
                 found.append(
                     f"{axis.name}: gravity takes {abs(load):.3g} of its {axis.max_torque:g} in {where}; see max_torque"
                 )
-        found += [f"{sentence} in {where}" for sentence in outside(plant, data)]
+        found += [f"{sentence} in {where}" for sentence in outside(robot, plant.model, data)]
     return found

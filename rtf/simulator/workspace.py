@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from rtf.robot.model import RobotModel
-    from rtf.simulator.plant import Plant
 
 _PREFIX = "workspace/"
 
@@ -37,22 +36,21 @@ def add_points(spec: Any, robot: RobotModel) -> None:
             body.add_site(name=f"{_PREFIX}{body.name}")
 
 
-def points(plant: Plant, data: Any) -> dict[str, NDArray[np.float64]]:
+def points(model: Any, data: Any) -> dict[str, NDArray[np.float64]]:
     """Return where the points of the workspace are in the root's frame (m). ``data`` must have been forwarded."""
-    model = plant.model
     names = [model.site(number).name for number in range(model.nsite)]
     found = {name: data.site_xpos[number].copy() for number, name in enumerate(names) if name.startswith(_PREFIX)}
     return {name.removeprefix(_PREFIX): place for name, place in found.items()}
 
 
-def outside(plant: Plant, data: Any) -> list[str]:
+def outside(robot: RobotModel, model: Any, data: Any) -> list[str]:
     """Return which points are outside of the robot's workspace, a sentence each; none if nothing is known of it."""
-    workspace = plant.robot.workspace
+    workspace = robot.workspace
     if workspace is None:
         return []
     radii = {point.name: point.radius for point in workspace.points}
     found = []
-    for name, place in points(plant, data).items():
+    for name, place in points(model, data).items():
         depth = workspace.beyond(place) + radii.get(name, 0.0)
         deepest = int(np.argmax(depth))
         if depth[deepest] > 0.0:

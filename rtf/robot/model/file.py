@@ -219,6 +219,10 @@ class WorkspaceTable(Table, frozen=True):
     points: dict[Text, PointTable] = {}  # default: the origins of all links that an axis moves
 
 
+#: The thresholds of a test: values of its parameters by their keys, and the key ``origin``.
+ThresholdTable = dict[Text, bool | int | float | str | list[int | float | str]]
+
+
 class RobotFile(Table, frozen=True):
     """The whole file."""
 
@@ -235,6 +239,7 @@ class RobotFile(Table, frozen=True):
     sensors: Sensors = Sensors()
     scene: Bench = Bench()
     workspace: WorkspaceTable | None = None
+    thresholds: dict[Text, ThresholdTable] = {}  # by the names of tests
     safe: dict[Text, dict[str, float]] = {}  # poses in which it may be left: joints; others are at home
 
 

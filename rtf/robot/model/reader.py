@@ -20,10 +20,10 @@ import numpy as np
 
 from rtf.errors import did_you_mean
 from rtf.robot.model.errors import RobotModelError
-from rtf.robot.model.file import CouplingBlock, Joint, PartTable, RobotFile
+from rtf.robot.model.file import CouplingBlock, Joint, PartTable, RobotFile, ThresholdTable
 from rtf.robot.model.names import DEFAULT_ROBOT, FILE, ROBOT_MODEL_VARIABLE
 from rtf.robot.model.places import line_of, steps_of
-from rtf.robot.model.values import Axis, Coupling, Part, RobotModel
+from rtf.robot.model.values import UNVALIDATED, Axis, Coupling, Part, RobotModel, Thresholds
 from rtf.robot.model.workspace import workspace_of
 from rtf.testing.plugins import shipped_folder
 
@@ -39,6 +39,9 @@ _FALLBACK = Joint(max_velocity=90.0, gearbox=100.0, encoder_resolution=182.044, 
 _TICKS_A_METRE = 1e4
 #: Metres a second of a prismatic joint for which nothing is said.
 _SLIDE = 0.2
+#: Where thresholds may come from; and the parameters of tests that are none.
+_MEASURED, _ORIGINS = "measured on ", ("chosen", UNVALIDATED)
+_SUBJECTS = frozenset({"name", "description", "robot", "part", "joints", "inject"})
 #: A coupling with a greater condition number cannot be inverted to any use.
 _SINGULAR = 1e6
 
@@ -100,8 +103,11 @@ class _Reading:
         self._description = self._find_description()
         self._described: Mapping[str, JointDescription] | None = None
 
+    def _place(self, keys: Sequence[str]) -> str:
+        return f"{self._path}:{line_of(self._text, keys)}"
+
     def _fail(self, keys: Sequence[str], problem: str) -> NoReturn:
-        raise RobotModelError(f"{self._path}:{line_of(self._text, keys)}: {problem}")
+        raise RobotModelError(f"{self._place(keys)}: {problem}")
 
     def _converted(self, data: dict[str, Any]) -> RobotFile:
         try:
@@ -151,7 +157,7 @@ class _Reading:
         return RobotModel(
             name=file.name,
             title=file.title or file.name,
-            folder=self._path.parent,
+            folder=self._path.parent.absolute(),  # for programs that run in other folders
             description=self._description,
             parts=parts,
             kinematic_parts=kinematic,
@@ -161,10 +167,25 @@ class _Reading:
             profile=file.profile,
             assumed=tuple(file.assumed),
             workspace=self._workspace(),
+            thresholds={name: self._thresholds(name, table) for name, table in file.thresholds.items()},
             safe_poses=self._safe_poses(
                 [axis for part in (*parts.values(), *kinematic.values()) for axis in part.axes]
             ),
         )
+
+    def _thresholds(self, test: str, table: ThresholdTable) -> Thresholds:
+        keys = ["thresholds", test]
+        origin = table.get("origin", "")
+        if not (isinstance(origin, str) and (origin in _ORIGINS or origin.startswith(_MEASURED))):
+            said = f", not {origin!r}" if origin else ""
+            self._fail(
+                [*keys, "origin"], f'thresholds of {test}: origin is "measured on …", "chosen" or "unvalidated"{said}'
+            )
+        values = {key: value for key, value in table.items() if key != "origin"}
+        for key in _SUBJECTS & values.keys():
+            self._fail([*keys, key], f"thresholds of {test}: {key} says what is tested; that is for suites to say")
+        places = {key: self._place([*keys, key]) for key in values}
+        return Thresholds(test, origin, values, self._place(keys), places)
 
     def _workspace(self) -> Workspace | None:
         if self._file.workspace is None:

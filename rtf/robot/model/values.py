@@ -106,6 +106,25 @@ class Part:
         return matrix
 
 
+@dataclass(frozen=True, slots=True)
+class Thresholds:
+    """Values of parameters of a test, for this robot; a suite may say others."""
+
+    test: str
+    origin: str  # "measured on …", "chosen" or "unvalidated"
+    values: Mapping[str, bool | float | str | list[int | float | str]]
+    place: str  # file and line
+    places: Mapping[str, str]  # likewise of each value
+
+    @property
+    def validated(self) -> bool:
+        """Whether somebody measured or chose them for this robot."""
+        return self.origin != UNVALIDATED
+
+
+UNVALIDATED = "unvalidated"
+
+
 @dataclass(frozen=True)
 class RobotModel:
     """A robot: its parts with their axes, its description, and what the description lacks."""
@@ -119,11 +138,12 @@ class RobotModel:
     body: Body
     sensors: Sensors
     scene: Bench
-    profile: str  # the origin of its thresholds: measured on a robot, chosen, or unvalidated
+    profile: str  # the origin of the thresholds that it does not say: measured on a robot, chosen, or unvalidated
     assumed: tuple[str, ...] = field(default=())  # what ``rtf robot new`` had to assume
     workspace: Workspace | None = None  # None: nothing is known of it
     #: Poses in which the robot may be left: a position of every axis (unit), with physics or without.
     safe_poses: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    thresholds: Mapping[str, Thresholds] = field(default_factory=dict)  # by the names of tests
 
     @cached_property
     def axes(self) -> tuple[Axis, ...]:
@@ -134,6 +154,14 @@ class RobotModel:
     def index(self) -> dict[str, int]:
         """The place of each axis in :attr:`axes`."""
         return {axis.name: place for place, axis in enumerate(self.axes)}
+
+    @property
+    def unvalidated(self) -> str:
+        """A sentence about thresholds that nobody measured or chose for this robot; empty if there are none."""
+        if self.profile == UNVALIDATED:
+            return f"the thresholds of {self.name} are not validated; {self.folder} says so"
+        tests = ", ".join(one.test for one in self.thresholds.values() if not one.validated)
+        return f"the thresholds of {self.name} are not validated for {tests}; {self.folder} says so" if tests else ""
 
     @property
     def simulated_name(self) -> str:
