@@ -156,6 +156,12 @@ class RobotModel:
         return {axis.name: place for place, axis in enumerate(self.axes)}
 
     @property
+    def origins(self) -> str:
+        """The origin of its thresholds, and of single tests where that is another."""
+        others = (f"{one.test}: {one.origin}" for one in self.thresholds.values() if one.origin != self.profile)
+        return "; ".join([self.profile, *others])
+
+    @property
     def unvalidated(self) -> str:
         """A sentence about thresholds that nobody measured or chose for this robot; empty if there are none."""
         if self.profile == UNVALIDATED:
