@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from rtf.cli.parser import Parser
 from rtf.errors import RtfError
 from rtf.robot.model.names import FILE
+from rtf.testing.plugins import shipped_folder
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
@@ -71,6 +72,7 @@ def check_robot(words: Sequence[str]) -> int:
     data = plant.data()
     gravity = plant.axis_torques(data.qfrc_bias).tolist()
     _print_joints(robot, gravity)
+    _print_coverage(robot, _suites(robot)[0])
     problems = [*problems_of(plant), *wrong_thresholds(robot)]
     for sentence in robot.assumed:
         print(f"assumed: {sentence}")
@@ -157,7 +159,6 @@ def test_robot(words: Sequence[str]) -> int:
     from rtf.cli.arguments import parse_run
     from rtf.robot.model import load_robot
     from rtf.robot_testing.thresholds import wrong_thresholds
-    from rtf.testing.plugins import shipped_folder
 
     parser = Parser(
         prog="rtf robot test",
@@ -171,6 +172,17 @@ def test_robot(words: Sequence[str]) -> int:
     if problems := wrong_thresholds(robot):
         print("\n".join(f"rtf robot: {problem}" for problem in problems), file=sys.stderr)
         return int(ExitCode.USAGE)
+    suites, absent = _suites(robot)
+    print(f"{robot.title}: {len(robot.axes)} joints in {len(robot.parts)} parts, thresholds {robot.profile}")
+    for name in absent:
+        print(f"not tested: {name}, which the robot does not have")
+    words = [*suites, *rest]
+    _print_coverage(robot, words)
+    return int(testrunner.main(words))
+
+
+def _suites(robot: RobotModel) -> tuple[list[str], list[str]]:
+    """Return the words of testrunner for the suites of a robot, and the names of those whose subject it lacks."""
     torque = [part.name for part in robot.parts.values() if any(axis.torque_control for axis in part.axes)]
     sensors = robot.sensors
     chosen = [
@@ -185,11 +197,19 @@ def test_robot(words: Sequence[str]) -> int:
     defined = {"model": str(robot.folder / FILE), "parts": " ".join(robot.parts), "torque_parts": " ".join(torque)}
     needed = ["model", "parts", *(["torque_parts"] if torque else [])]
     defines = [word for name in needed for word in ("--define", f"{name}={defined[name]}")]
-    print(f"{robot.title}: {len(robot.axes)} joints in {len(robot.parts)} parts, thresholds {robot.profile}")
-    for name, has in chosen:
-        if not has:
-            print(f"not tested: {name}, which the robot does not have")
-    return int(testrunner.main([*suites, *defines, *rest]))
+    return [*suites, *defines], [name for name, has in chosen if not has]
+
+
+def _print_coverage(robot: RobotModel, words: Sequence[str]) -> None:
+    """Print which joints the tests judge that these words of testrunner choose."""
+    from rtf.cli.arguments import parse_run
+    from rtf.cli.coverage_table import print_coverage
+    from rtf.cli.planning import make_plan
+    from rtf.robot_testing.coverage import coverage
+
+    options = parse_run(words)
+    options.list = True  # without the fixtures that tests imply
+    print_coverage(robot, coverage(robot, make_plan(options), options.overrides))
 
 
 def _source(description: Path, package: str, path: Path) -> str:

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from rtf.middleware.ports.network import Network
     from rtf.robot.client.boards import RemoteBoard
     from rtf.robot.interfaces import FloatArray
+    from rtf.robot.model import RobotModel
     from rtf.robot_testing.motion.part import Arrival
     from rtf.testing.parameters import Given
     from rtf.testing.session import Session
@@ -57,6 +58,10 @@ class RobotTest(TestCase):
     #: Names of the list parameters whose length has nothing to do with the number of joints.
     not_per_joint: ClassVar[tuple[str, ...]] = ()
     limits: ClassVar[Limits] = Limits()
+    #: Whether it leaves out joints without torque control.
+    torque_control: ClassVar[bool] = False
+    #: The tables of ``[sensors]`` in robot.toml of which it judges all sensors.
+    judged_sensors: ClassVar[tuple[str, ...]] = ()
 
     robot = Parameter(str, "name of the robot; without it --robotname of the suite, or that of the fixture", default="")
     inject = Parameter(
@@ -70,6 +75,22 @@ class RobotTest(TestCase):
 
     def profile(self, folder: str) -> Iterable[Given]:
         return thresholds_for(type(self), robot_model(self), folder)
+
+    def subjects(self, robot: RobotModel) -> list[str]:
+        """Return what the test judges of a robot, by its parameters: names of joints, and keys of sensors."""
+        found = [
+            key for key in robot.sensor_keys for kind in self.judged_sensors if f"{key}.".startswith(f"sensors.{kind}.")
+        ]
+        values = self.parameter_values()
+        if values.get("part") in robot.parts:
+            axes, chosen = robot.parts[values["part"]].axes, values.get("joints")
+            wanted = [axis for place, axis in enumerate(axes) if not isinstance(chosen, list) or place in chosen]
+            found += [
+                axis.name
+                for axis in wanted or axes
+                if not axis.prismatic and (axis.torque_control or not self.torque_control)
+            ]
+        return found
 
     def check_parameters(self, folder: str) -> None:
         super().check_parameters(folder)

@@ -169,6 +169,19 @@ class RobotModel:
         tests = ", ".join(one.test for one in self.thresholds.values() if not one.validated)
         return f"the thresholds of {self.name} are not validated for {tests}; {self.folder} says so" if tests else ""
 
+    @cached_property
+    def sensor_keys(self) -> tuple[str, ...]:
+        """The keys of its sensors in robot.toml, such as ``sensors.cameras.left`` and ``sensors.battery``."""
+        tables = {name: getattr(self.sensors, name) for name in self.sensors.__struct_fields__}
+        return tuple(
+            key
+            for kind, table in tables.items()
+            if table is not None
+            for key in (
+                [f"sensors.{kind}.{name}" for name in table] if isinstance(table, dict) else [f"sensors.{kind}"]
+            )
+        )
+
     @property
     def simulated_name(self) -> str:
         """The prefix of the ports of a simulated robot, unless another is asked for: ``icubSim`` of ``icub``."""
