@@ -61,6 +61,7 @@ class Joint(Table, frozen=True):
     torque_control: bool | None = None
     ratio: float | None = None  # units of the axis a unit of its joint in the description
     prismatic: bool | None = None
+    degree: Positive | None = None  # m, of a prismatic joint: what stands for a degree in the parameters of tests
 
 
 class CouplingBlock(Table, frozen=True):

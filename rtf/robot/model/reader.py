@@ -34,14 +34,15 @@ if TYPE_CHECKING:
     from rtf.robot.model.workspace import Workspace
 
 #: Of a joint for which neither the file nor the description says more: those of a small bench.
-_FALLBACK = Joint(max_velocity=90.0, gearbox=100.0, encoder_resolution=182.044, ratio=1.0)
-#: Ticks a metre of a prismatic joint: a tenth of a millimetre.
-_TICKS_A_METRE = 1e4
+_FALLBACK = Joint(max_velocity=90.0, gearbox=100.0, ratio=1.0)
+_TICKS_A_DEGREE = 182.044  # 65536 a turn
 #: Metres a second of a prismatic joint for which nothing is said.
 _SLIDE = 0.2
 #: Where thresholds may come from; and the parameters of tests that are none.
 _MEASURED, _ORIGINS = "measured on ", ("chosen", UNVALIDATED)
 _SUBJECTS = frozenset({"name", "description", "robot", "part", "joints", "inject"})
+#: The share of the range of a prismatic joint that stands for a degree in tests: the whole is one of a hundred degrees.
+SHARE = 0.01
 #: A coupling with a greater condition number cannot be inverted to any use.
 _SINGULAR = 1e6
 
@@ -261,6 +262,9 @@ class _Reading:
             self._fail(keys, f"{name}: gearbox and ratio are not 0")
         if not limits[0] <= home <= limits[1]:
             self._fail(keys, f"{name}: its home {home:g} is not within its limits {limits[0]:g} and {limits[1]:g}")
+        if given.degree is not None and not prismatic:
+            self._fail(keys, f"{name}: degree is for prismatic joints, and this one turns")
+        degree = _first(value("degree"), SHARE * (limits[1] - limits[0])) if prismatic else math.radians(1.0)
         speed = described.max_velocity if described else None
         return Axis(
             part=part,
@@ -271,7 +275,7 @@ class _Reading:
             max_torque=torque,
             gearbox=gearbox,
             encoder_resolution=_first(
-                value("encoder_resolution"), _TICKS_A_METRE if prismatic else _FALLBACK.encoder_resolution
+                value("encoder_resolution"), _TICKS_A_DEGREE / degree if prismatic else _TICKS_A_DEGREE
             ),
             rotor_resolution=motor.rotor_resolution,
             armature=value("armature"),
@@ -284,6 +288,7 @@ class _Reading:
             torque_control=_first(value("torque_control"), False),
             ratio=ratio,
             prismatic=prismatic,
+            degree=degree,
         )
 
     def _needed_description(self, given: Joint, name: str) -> JointDescription | None:

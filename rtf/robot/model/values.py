@@ -49,6 +49,7 @@ class Axis:
     torque_control: bool  # whether the joint has torque sensing, and can be compliant
     ratio: float  # units of the axis a unit of its joint in the description
     prismatic: bool
+    degree: float  # rad, or m of a prismatic axis, that stand for a degree in the parameters of tests
 
     @property
     def unit(self) -> str:
