@@ -65,10 +65,12 @@ def check_robot(words: Sequence[str]) -> int:
 
     parser = Parser(prog="rtf robot check", description="Look at a robot: its joints, its drives, what was assumed.")
     parser.add_argument("robot", metavar="ROBOT", help=f"its name, or the path of its {FILE}")
-    parser.add_argument("--picture", metavar="FILE.png", type=Path, help="draw it in its home pose")
+    parser.add_argument(
+        "--picture", metavar="FILE.png", type=Path, help="draw it in its home pose, its safe ones, and its workspace"
+    )
     options = parser.parse_args(words)
     robot = load_robot(options.robot)
-    plant = build(robot, Options(cameras=options.picture is not None))
+    plant = build(robot, Options(cameras=options.picture is not None, workspace=True))
     data = plant.data()
     gravity = plant.axis_torques(data.qfrc_bias).tolist()
     _print_joints(robot, gravity)
@@ -107,12 +109,21 @@ def _print_joints(robot: RobotModel, gravity: Sequence[float]) -> None:
 
 
 def _draw(plant: Plant, path: Path) -> None:
-    from PIL import Image
+    """Draw the robot in its home pose and beside it in the safe ones, with its workspace."""
+    from PIL import Image, ImageDraw, ImageFont
 
     from rtf.simulator.cameras import Camera
+    from rtf.simulator.poses import poses, standing
 
     with Camera(plant.model, "outside", *_PICTURE) as camera:
-        Image.fromarray(camera.render(plant.data())).save(path)
+        pictures = {name: Image.fromarray(camera.render(standing(plant, axes))) for name, axes in poses(plant).items()}
+    width, height = _PICTURE
+    whole = Image.new("RGB", (width * len(pictures), height))
+    for place, (name, picture) in enumerate(pictures.items()):
+        if len(pictures) > 1:
+            ImageDraw.Draw(picture).text((12, 8), name, fill="black", font=ImageFont.load_default(24))
+        whole.paste(picture, (width * place, 0))
+    whole.save(path)
 
 
 @_told
@@ -195,7 +206,8 @@ def _suites(robot: RobotModel) -> tuple[list[str], list[str]]:
     folder = shipped_folder("suites") / "any"
     suites = [word for name, has in chosen if has for word in ("--suite", str(folder / f"simulated-{name}.xml"))]
     defined = {"model": str(robot.folder / FILE), "parts": " ".join(robot.parts), "torque_parts": " ".join(torque)}
-    needed = ["model", "parts", *(["torque_parts"] if torque else [])]
+    defined["seed"] = "0"  # a later --define counts
+    needed = ["model", "seed", "parts", *(["torque_parts"] if torque else [])]
     defines = [word for name in needed for word in ("--define", f"{name}={defined[name]}")]
     return [*suites, *defines], [name for name, has in chosen if not has]
 

@@ -70,6 +70,7 @@ class Options:
     friction: bool = True
     damping: bool = True
     timestep: float = TIMESTEP  # s
+    workspace: bool = False  # with cameras: a drawing of the robot's workspace
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,6 +279,8 @@ def _shape(spec: Any, robot: RobotModel, published: list[Any], attached: list[An
         for geom in own:
             collisions.make_solid(geom, *bits[id(geom)])
     if options.cameras:
+        if options.workspace:
+            workspace.draw(spec, robot, 2 * math.dist(robot.scene.outside, robot.scene.centre))
         scene.add_scene(spec, robot.scene, published, attached, keep_meshes=options.collision == "hulls")
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rtf.robot.model.engine import mujoco
 from rtf.robot.model.errors import RobotModelError
 
 if TYPE_CHECKING:
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
     from rtf.robot.model import RobotModel
 
 _PREFIX = "workspace/"
+_UNSEEN = 4  # a group that cameras do not show
+_COLOUR = (0.9, 0.1, 0.1, 0.6)
 
 
 def add_points(spec: Any, robot: RobotModel) -> None:
@@ -30,10 +33,22 @@ def add_points(spec: Any, robot: RobotModel) -> None:
             raise RobotModelError(
                 f"{robot.folder}: the point {point.name} of the workspace is on {point.link!r}; its links are {links}"
             )
-        body.add_site(name=f"{_PREFIX}{point.name}", pos=point.position, size=[max(point.radius, 1e-3)] * 3)
+        body.add_site(name=f"{_PREFIX}{point.name}", pos=point.position, group=_UNSEEN)
     if not robot.workspace.points:
         for body in [body for body in spec.bodies if body.joints]:
-            body.add_site(name=f"{_PREFIX}{body.name}")
+            body.add_site(name=f"{_PREFIX}{body.name}", group=_UNSEEN)
+
+
+def draw(spec: Any, robot: RobotModel, size: float) -> None:
+    """Make the workspace visible: its edges, as far as a cube of this size (m) about the robot, and its points."""
+    if robot.workspace is None:
+        return
+    types, look = mujoco().mjtGeom, {"rgba": _COLOUR, "mass": 0.0, "contype": 0, "conaffinity": 0}
+    for start, end in robot.workspace.edges(robot.scene.centre, size):
+        spec.worldbody.add_geom(type=types.mjGEOM_CAPSULE, fromto=[*start, *end], size=[size / 400, 0, 0], **look)
+    for point in robot.workspace.points:
+        radius = max(point.radius, size / 150)
+        spec.body(point.link).add_geom(type=types.mjGEOM_SPHERE, pos=point.position, size=[radius, 0, 0], **look)
 
 
 def points(model: Any, data: Any) -> dict[str, NDArray[np.float64]]:

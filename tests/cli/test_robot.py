@@ -45,7 +45,7 @@ def test_the_shipped_robots_are_listed_and_in_order(tmp_path: Path):
 
 
 def test_a_picture_is_drawn(tmp_path: Path):
-    """With something on it."""
+    """Of the robot in each pose, with its workspace."""
     from PIL import Image
 
     from rtf.simulator.errors import RenderingError
@@ -55,10 +55,18 @@ def test_a_picture_is_drawn(tmp_path: Path):
         rendering_back_end()
     except RenderingError as error:
         pytest.skip(str(error))
-    assert robot(tmp_path, "check", "bench", "--picture", "bench.png").returncode == 0
+    bench = find_robot("bench").parent
+    (tmp_path / "bench.xml").write_text((bench / "bench.xml").read_text(encoding="utf-8"), encoding="utf-8")
+    text = (bench / "robot.toml").read_text(encoding="utf-8")
+    text += "[workspace]\nbox = { low = [-0.5, -0.3, 0], high = [0.5, 0.3, 1] }\n[safe.folded]\nelbow = 120\n"
+    (tmp_path / "robot.toml").write_text(text, encoding="utf-8")
+    checked = robot(tmp_path, "check", "./robot.toml", "--picture", "bench.png")
+    assert checked.returncode == 0, checked.stdout + checked.stderr
     picture = Image.open(tmp_path / "bench.png").convert("RGB")
+    assert picture.size == (1280, 480), "home, and folded beside it"
     colours = [picture.getpixel((x, y)) for x in range(0, 640, 4) for y in range(0, 480, 4)]
-    assert any(red > 150 and blue < 80 for red, _, blue in colours), "the upper arm is orange"
+    assert any(red > 150 and blue < 80 < green for red, green, blue in colours), "the upper arm is orange"
+    assert any(red > 120 and max(green, blue) < 60 for red, green, blue in colours), "the workspace is red"
 
 
 def test_a_weak_or_touching_robot_is_not_in_order(tmp_path: Path):

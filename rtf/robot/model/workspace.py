@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 
     from rtf.robot.model.file import Vector, WorkspaceTable
 
+#: The determinant of normals of planes that have no point in common, the planes that an edge is on, and rounding (m).
+_PARALLEL, _OF_AN_EDGE, _CLOSE = 1e-9, 2, 1e-9
 #: The faces of a box: name, outward normal, and whether its place is that of the upper corner.
 _FACES = tuple(
     (f"{'greatest' if upper else 'least'} {letter}", place, upper)
@@ -64,6 +67,29 @@ class Workspace:
     def offsets(self) -> NDArray[np.float64]:
         """The offsets, (half-spaces,)."""
         return np.array([one.offset for one in self.half_spaces], dtype=np.float64)
+
+    def edges(self, centre: Vector, size: float) -> list[tuple[Vector, Vector]]:
+        """Return the edges of the workspace as pairs of points (m), cut off by a cube of this ``size`` (m).
+
+        The cube is about ``centre``. An edge that only the cube has is left out: a single plane has the four sides of a
+        square.
+        """
+        cube = np.vstack([np.eye(3), -np.eye(3)])
+        normals = np.vstack([self.normals, cube])
+        offsets = np.concatenate([self.offsets, cube @ centre + size / 2])
+        corners: dict[Vector, set[int]] = {}  # with the planes that they are on
+        for three in combinations(range(len(offsets)), 3):
+            rows = normals[list(three)]
+            if abs(np.linalg.det(rows)) < _PARALLEL:
+                continue
+            corner = np.linalg.solve(rows, offsets[list(three)])
+            if (normals @ corner <= offsets + _CLOSE).all():
+                corners.setdefault(_vector(corner.round(6)), set()).update(three)
+        return [
+            (one, other)
+            for (one, of_one), (other, of_other) in combinations(corners.items(), 2)
+            if len(shared := of_one & of_other) >= _OF_AN_EDGE and min(shared) < len(self.offsets)
+        ]
 
     def beyond(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how far points are beyond each plane (m), negative within; (…, 3) gives (…, half-spaces)."""

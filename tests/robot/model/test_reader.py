@@ -142,6 +142,26 @@ def test_a_workspace_is_half_spaces(folder: Path):
     assert read(folder, HEAD + JOINTS).workspace is None
 
 
+def test_the_edges_of_a_workspace(folder: Path):
+    """A box has twelve, which a plane may cut; a plane alone is drawn as a square, as large as is asked for."""
+    box = "[workspace]\nbox = { low = [-1, -1, 0], high = [1, 1, 2] }\n"
+    edges = {}
+    for name, text in {
+        "box": box,
+        "cut": box + "[workspace.planes]\ntable = { point = [0, 0, 0.5], normal = [0, 0, 1] }\n",
+        "corner": box + "[workspace.planes]\nwall = { point = [0.9, 0.9, 1.9], normal = [-1, -1, -1] }\n",
+        "plane": "[workspace.planes]\ntable = { point = [0, 0, 0.5], normal = [0, 0, 1] }\n",
+    }.items():
+        workspace = read(folder, HEAD + JOINTS + text).workspace
+        assert workspace is not None
+        edges[name] = workspace.edges((0.0, 0.0, 1.0), 8.0)
+    assert {name: len(found) for name, found in edges.items()} == {"box": 12, "cut": 12, "corner": 15, "plane": 4}
+    assert {point[2] for edge in edges["cut"] for point in edge} == {0.5, 2.0}
+    assert {point for edge in edges["plane"] for point in edge} == {
+        (x, y, 0.5) for x in (-4.0, 4.0) for y in (-4.0, 4.0)
+    }
+
+
 def test_a_safe_pose_is_a_position_of_every_axis(folder: Path):
     """Joints that it does not name are at home."""
     joints = JOINTS.replace("[-90, 90]", "[-90, 90], home = 5.0")
