@@ -59,6 +59,7 @@ SHIPPED: Mapping[str, str] = {
     "simulatedForceTorque": "rtf.simulator.sensor_devices:SimulatedForceTorqueDevice",
     "simulatedBattery": "rtf.simulator.battery:SimulatedBatteryDevice",
     "simulatedImu": "rtf.simulator.sensor_devices:SimulatedImuDevice",
+    "simulatedCamera": "rtf.simulator.camera_device:SimulatedCameraDevice",
 }
 
 
