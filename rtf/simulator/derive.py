@@ -30,13 +30,13 @@ _POSES = 200
 _ROTOR = 0.3
 #: Without an effort in the description: this many times the greatest torque of gravity, and at least this (Nm, N).
 _STRENGTH, _WEAKEST = 3.0, 0.1
-#: The acceleration (deg/s2, or what stands for it on a slide) that a drive gives its rotor at most: with more, a per
+#: The acceleration (rad/s2, or what stands for it on a slide) that a drive gives its rotor at most: with more, a per
 #: cent of duty cycle is a blow.
-_WILD = 286000.0
+_WILD = 5000.0
 #: Dry friction as a share of the torque, and viscous friction as a share of the torque at the greatest speed.
 _DRY, _VISCOUS = 0.02, 0.05
-#: The position loop overcomes a dry friction with this error (deg), and a viscous one of this share of its damping.
-_SLACK, _SHARE = 0.46, 0.1
+#: The position loop overcomes a dry friction with this error (rad), and a viscous one of this share of its damping.
+_SLACK, _SHARE = 0.008, 0.1
 #: Friction of a description that is this many times as great is that of another simulator.
 _LOST = 5.0
 #: Limits of a joint without any (deg, m), and the speed up to which a robot on a bench is moved (deg/s, m/s).
@@ -144,7 +144,7 @@ def _joint(joint: JointDescription, loads: _Loads, place: int, assumed: list[str
     words = []
     most_way = _SLIDE if joint.prismatic else _TURN
     low, high = joint.limits or (-most_way, most_way)
-    degree = SHARE * (high - low) if joint.prismatic else math.radians(1.0)
+    radian = math.degrees(SHARE * (high - low)) if joint.prismatic else 1.0  # m that stand for one
     if joint.limits is None:
         words.append(f"limits = [{low}, {high}]")
         assumed.append(f"{joint.name}: it has no limits; {low:g} to {high:g}")
@@ -155,19 +155,19 @@ def _joint(joint: JointDescription, loads: _Loads, place: int, assumed: list[str
         reason = f"less than gravity needs ({need:.3g})" if joint.effort else "none"
         assumed.append(f"{joint.name}: its effort in the description is {joint.effort or 0:g}, {reason}; {torque:g}")
         words.append(f"max_torque = {torque}")
-    most = max(_STRENGTH * need, _WILD * degree * _ROTOR * float(loads.inertia[place]))
+    most = max(_STRENGTH * need, _WILD * radian * _ROTOR * float(loads.inertia[place]))
     if torque > 2 * most:
         assumed.append(f"{joint.name}: {most:.3g} in place of its effort of {torque:g}, for the inertia of its links")
         torque = float(f"{most:.3g}")
         words.append(f"max_torque = {torque}")
-    fast = min(_FAST_SLIDE, _FAST * degree) if joint.prismatic else _FAST
+    fast = min(_FAST_SLIDE, math.radians(_FAST) * radian) if joint.prismatic else _FAST
     speed = joint.max_velocity or fast / 2
     if speed > fast:
         slowed.append(joint.name)
         speed = fast
     words.append(f"max_velocity = {speed:.6g}")
     words.append(f"armature = {max(_ROTOR * float(loads.inertia[place]), joint.armature):.3g}")
-    friction, damping = _friction(joint, torque, speed, (_ROTOR * float(loads.inertia[place]), degree), assumed)
+    friction, damping = _friction(joint, torque, speed, (_ROTOR * float(loads.inertia[place]), radian), assumed)
     words.append(f"friction = {friction:.3g}")
     words.append(f"damping = {damping:.3g}")
     if joint.prismatic:
@@ -181,11 +181,11 @@ def _friction(
 ) -> tuple[float, float]:
     """Return dry (Nm, N) and viscous friction: the description's, unless a position loop could not overcome it.
 
-    ``rotor`` is its inertia, and what a degree is in rad, or on a slide in m.
+    ``rotor`` is its inertia, and what stands for a radian: 1, or the metres of a slide.
     """
-    inertia, degree = rotor
+    inertia, radian = rotor
     swing = 2 * math.pi * BANDWIDTH
-    most_dry, most_viscous = _SLACK * degree * inertia * swing**2, 2 * _SHARE * inertia * swing
+    most_dry, most_viscous = _SLACK * radian * inertia * swing**2, 2 * _SHARE * inertia * swing
     dry = min(_DRY * torque, most_dry)
     viscous = min(_VISCOUS * torque / (speed if joint.prismatic else math.radians(speed)), most_viscous)
     if joint.friction > _LOST * most_dry or joint.damping > _LOST * most_viscous:
