@@ -32,6 +32,7 @@ class BatteryTest(StreamTest):
 
     aliases = ("batteryTest", "battery-test")
     tags = ("sensors", "battery")
+    judged_sensors = ("battery",)
 
     port = Parameter(str, "the port of the readings; none: that of the model", default="", aliases=("portname",))
     time = Parameter(float, "how long it is read", unit="s", default=10.0, low=1.0)

@@ -51,6 +51,7 @@ class CameraTest(RateTest):
 
     aliases = ("cameraTest", "camera", "Camera")
     tags = ("streams", "camera")
+    judged_sensors = ("cameras",)
 
     port = Parameter(str, "the camera's port; none: all of the robot", default="", key="portname", aliases=("port",))
     time = Parameter(

@@ -70,6 +70,7 @@ class Imu(StreamTest):
 
     aliases = ("imu", "ImuTest", "IMU")
     tags = ("motion", "sensors", "imu")
+    judged_sensors = ("inertial",)
     safety = Safety.MOTION
 
     port = Parameter(str, "the server of the units, without /measures:o; none: /ROBOT/inertial", default="")

@@ -68,6 +68,7 @@ SHIPPED: Mapping[str, str] = {
     "simulatedBattery": "rtf.simulator.battery:SimulatedBatteryDevice",
     "simulatedSkin": "rtf.simulator.skin:SimulatedSkinDevice",
     "simulatedImu": "rtf.simulator.sensor_devices:SimulatedImuDevice",
+    "simulatedCamera": "rtf.simulator.camera_device:SimulatedCameraDevice",
 }
 
 

@@ -89,5 +89,7 @@ class FailureRecording:
         fields = {name: (states.column(field), unit) for name, field, unit in _KEPT if valid[field]}
         for joint, name in enumerate(self._part.names):
             columns = {what: (values[:, joint], unit) for what, (values, unit) in fields.items()}
+            if "position" in columns:
+                columns["position"] = self._part.column(joint, columns["position"][0])
             columns["mode"] = mode_numbers(modes[:, joint]), ""
             self._test.record(f"{taken.when}: {name}", time=(time, "s"), **columns)

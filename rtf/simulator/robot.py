@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from rtf.middleware.ports.network import Network
+    from rtf.robot.device import Device
     from rtf.robot.model import RobotModel
     from rtf.robot.periodic_thread import Publisher
     from rtf.simulator.depth_cameras import SimulatedDepthCamera
@@ -52,7 +53,8 @@ class SimulatedRobot:
     ``/clock``                     the time: published, and served in lockstep
     ============================== ================================================================================
 
-    ``model`` says which parts and sensors there are, and the names of their ports. ``lockstep``: time passes only while
+    ``serve`` False: without the ports of parts and sensors, which others serve; only the clock is served. ``model``
+    says which parts and sensors there are, and the names of their ports. ``lockstep``: time passes only while
     all participants wait for it; otherwise by itself, ``factor`` times as fast as the machine's clock (None: as fast as
     possible). The ``dialect`` of the network selects the protocol. The rates (Hz) are those of the parts' states and of
     the pictures.
@@ -73,10 +75,12 @@ class SimulatedRobot:
         camera_rate: float = CAMERA_RATE,
         options: Options | None = None,
         clock: str = CLOCK,
+        serve: bool = True,
     ) -> None:
         self.model = model
         self.name = (name or model.simulated_name).strip("/")
         self.network = network
+        self._serves = serve
         self.simulation = Simulation(
             build(model, options or Options(cameras=cameras)), seed=seed, factor=None if lockstep else factor
         )
@@ -134,6 +138,8 @@ class SimulatedRobot:
         self.simulation.settle.append(self._settle)
 
     def _serve(self, opened: ExitStack, server: Callable[..., Any], device: object, name: str, period: float) -> None:
+        if not self._serves:
+            return
         made: Publisher = server(
             device, f"/{self.name}/{name}", network=self.network, period=period, outlets=self.outlets
         )
@@ -154,6 +160,13 @@ class SimulatedRobot:
             depths = self.depth_cameras[name] = SimulatedDepthCamera(name, described, self.simulation)
             opened.callback(depths.close)
             self._serve(opened, RgbdServer, depths, described.port, self._camera_period)
+
+    @property
+    def devices(self) -> dict[str, Device]:
+        """Its sensors, cameras and battery by the names of the model; the battery is "battery"."""
+        sensors: list[Device] = [*self.force_torques.values(), *self.imus.values()]
+        found = {one.name: one for one in sensors} | dict(self.cameras)
+        return found if self.battery is None else {**found, "battery": self.battery}
 
     def _settle(self) -> None:
         if self.clock.participants:

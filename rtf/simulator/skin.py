@@ -20,7 +20,7 @@ from rtf.robot.errors import DeviceError, NotSupportedError
 from rtf.robot.interfaces import IAnalogSensor, SensorCategory, SensorReading
 from rtf.robot.model.engine import mujoco
 from rtf.robot.model.errors import RobotModelError
-from rtf.simulator.robot_devices import simulation_of
+from rtf.simulator.attachment import simulation_of
 from rtf.simulator.simulated_sensors import SimulatedSensor
 
 if TYPE_CHECKING:

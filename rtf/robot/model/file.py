@@ -61,6 +61,7 @@ class Joint(Table, frozen=True):
     torque_control: bool | None = None
     ratio: float | None = None  # units of the axis a unit of its joint in the description
     prismatic: bool | None = None
+    degree: Positive | None = None  # m, of a prismatic joint: what stands for a degree in the parameters of tests
 
 
 class CouplingBlock(Table, frozen=True):
@@ -224,6 +225,40 @@ class Bench(Table, frozen=True):
     cut: Cut | None = None
 
 
+class Box(Table, frozen=True):
+    """A box along the axes of the root's frame."""
+
+    low: Vector
+    high: Vector
+
+
+class PlaneTable(Table, frozen=True):
+    """A plane that bounds the workspace, such as a table or a wall."""
+
+    point: Vector  # of the plane
+    normal: Vector  # pointing into the workspace
+
+
+class PointTable(Table, frozen=True):
+    """A point of a link that has to stay in the workspace."""
+
+    link: Text
+    position: Vector = (0.0, 0.0, 0.0)  # m, in the frame of the link
+    radius: NotNegative = 0.0  # m, of a ball about it that stays within, too
+
+
+class WorkspaceTable(Table, frozen=True):
+    """What the robot may reach, in the frame of its root: a box, or planes, or both."""
+
+    box: Box | None = None
+    planes: dict[Text, PlaneTable] = {}
+    points: dict[Text, PointTable] = {}  # default: the origins of all links that an axis moves
+
+
+#: The thresholds of a test: values of its parameters by their keys, and the key ``origin``.
+ThresholdTable = dict[Text, bool | int | float | str | list[int | float | str]]
+
+
 class RobotFile(Table, frozen=True):
     """The whole file."""
 
@@ -239,6 +274,9 @@ class RobotFile(Table, frozen=True):
     body: Body = Body()
     sensors: Sensors = Sensors()
     scene: Bench = Bench()
+    workspace: WorkspaceTable | None = None
+    thresholds: dict[Text, ThresholdTable] = {}  # by the names of tests
+    safe: dict[Text, dict[str, float]] = {}  # poses in which it may be left: joints; others are at home
 
 
 def json_schema() -> dict[str, object]:

@@ -91,7 +91,7 @@ def test_a_required_move_names_the_joints_beyond_its_tolerance(bench: PartBench)
     bench.device.shown = {1: 0.3}
     part = bench.part
     arrival = part.move([5.0, 0.0, 0.0], tolerance=0.2, timeout=2.0)
-    with pytest.raises(TestProblem, match=r"did not reach home within 2.0 s: joint1 is at 0.30 deg, not 0.00$"):
+    with pytest.raises(TestProblem, match=r"did not reach home within 2.0 s: joint1 is at 0.30 deg, not 0.00 deg$"):
         RobotTest.require(Joints(), arrival, "home", part, [0, 1, 2], [5.0, 0.0, 0.0])
 
 
