@@ -163,9 +163,9 @@ class SimulatedRobot:
 
     @property
     def devices(self) -> dict[str, Device]:
-        """Its sensors, cameras and battery by the names of the model; the battery is "battery"."""
+        """Its sensors, skin, cameras and battery by the names of the model; the battery is "battery"."""
         sensors: list[Device] = [*self.force_torques.values(), *self.imus.values()]
-        found = {one.name: one for one in sensors} | dict(self.cameras)
+        found = {one.name: one for one in sensors} | dict(self.skin) | dict(self.cameras) | dict(self.depth_cameras)
         return found if self.battery is None else {**found, "battery": self.battery}
 
     def _settle(self) -> None:

@@ -20,7 +20,7 @@ from rtf.robot.errors import DeviceError, NotSupportedError
 from rtf.robot.interfaces import IAnalogSensor, SensorCategory, SensorReading
 from rtf.robot.model.engine import mujoco
 from rtf.robot.model.errors import RobotModelError
-from rtf.simulator.attachment import simulation_of
+from rtf.simulator.attachment import simulating
 from rtf.simulator.simulated_sensors import SimulatedSensor
 
 if TYPE_CHECKING:
@@ -216,12 +216,10 @@ class SimulatedSkinDevice(Device, IAnalogSensor):
 
     def attach(self, devices: Mapping[str, Device]) -> None:
         """Attach the patch to a simulated robot. Raises DeviceError if the robot does not have it."""
-        simulation = simulation_of(self, devices)
-        known = simulation.plant.robot.sensors.skin
+        known = simulating(self, devices).devices(SimulatedSkin)
         if self._name not in known:
             raise DeviceError(f"{self.name}: the robot has no skin {self._name!r}; it has {', '.join(known) or 'none'}")
-        with simulation.lock:
-            self._skin = SimulatedSkin(self._name, known[self._name], simulation)
+        self._skin = known[self._name]
 
     def detach(self) -> None:
         self._skin = None

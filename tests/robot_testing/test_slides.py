@@ -13,7 +13,7 @@ from rtf.bottle import Property
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
 from rtf.robot.boards.client import connect
-from rtf.robot.boards.server import serve_board
+from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot.devices.board_axes import BoardAxis
 from rtf.robot.devices.fake_board import FakeBoard, FakeDriver
 from rtf.robot.interfaces import JointType, Pid, PidType
@@ -56,7 +56,7 @@ def boards() -> Iterator[tuple]:
         device = Board("fake", network=network)
         device.open(Property())
         opened.callback(device.close)
-        server = serve_board(device, "/fake", network=network, period=0.01)
+        server = ControlBoardServer(device, "/fake", network=network, period=0.01)
         opened.callback(server.close)
         board = open_board("/fake", {"lift": DEGREE}, carrier="tcp", network=network)
         opened.callback(board.close)
