@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 from rtf.middleware.wire.inbox import Inbox
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from rtf.middleware.wire.inbox import Steps
     from rtf.middleware.wire.protocol import Messages
@@ -43,6 +43,11 @@ class End:
                     self.sent += step
         except StopIteration as end:
             return end.value
+
+    def repeat(self, attempt: Callable[[], int]) -> None:
+        """Call a function until it returns 0; else it returns what it waits for."""
+        while size := attempt():
+            self._wait(size)
 
     def receive(self, messages: Messages) -> Iterator[tuple[str, str, bytes]]:
         """Give each message, and a copy of its data."""

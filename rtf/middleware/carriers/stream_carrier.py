@@ -111,20 +111,20 @@ class StreamOutput(OutputLink):
 
     def receive_reply(self, codec: Codec[object], dialect: Dialect) -> object | None:
         sender = self._sender
-        for size in sender.reply(codec, dialect):
+        while size := sender.reply(codec, dialect):
             self._stream.more(size)
         return sender.answer
 
     def finish(self) -> None:
-        if self._sender.due:
-            for size in self._sender.acknowledgements():
-                self._stream.more(size)
+        while self._sender.due and (size := self._sender.acknowledgements()):
+            self._stream.more(size)
 
     def close(self, *, politely: bool = True) -> None:
         if politely:
             with contextlib.suppress(MiddlewareError, OSError):  # the peer is gone already
                 self._stream.limit_waiting(_PATIENCE)
-                self._stream.run(self._sender.end())
+                self._stream.send(self._sender.end())
+                self.finish()
         super().close()
 
 

@@ -49,21 +49,22 @@ class BinaryReceiver(Receiver):
         while True:
             while inbox.end - inbox.start < _INDEX_SIZE:
                 yield _INDEX_SIZE
-            if inbox.end - inbox.start >= _USUAL_SIZE:
-                head, first, size, command = _read_usual(inbox.memory, inbox.start)
+            start, end = inbox.start, inbox.end
+            if end - start >= _USUAL_SIZE:
+                head, first, size, command = _read_usual(inbox.memory, start)
                 key = _KEYS.get(command)
                 if head == _USUAL_HEAD and first == _COMMAND_SIZE and key is not None:
                     if not 0 <= size <= _MAX_MESSAGE:
                         raise ProtocolError(f"a message of {size} bytes; at most {_MAX_MESSAGE} are accepted")
-                    inbox.start += _USUAL_SIZE
-                    while inbox.end - inbox.start < size:
-                        yield size
-                    start = inbox.start
-                    if size > CHUNK:
-                        yield key, "", inbox.pop(size)
-                    else:
+                    start += _USUAL_SIZE
+                    if size <= CHUNK and start + size <= end:
                         inbox.start = start + size
                         yield key, "", inbox.view[start : start + size]
+                        continue
+                    inbox.start = start
+                    while inbox.unread < size:
+                        yield size
+                    yield key, "", inbox.pop(size)
                     continue
             yield (yield from self._any_message())
 
@@ -101,29 +102,28 @@ class BinarySender(Sender):
             return (_front(message.key, message.envelope, len(block)) + block,)
         return (_front(message.key, message.envelope, message.size), *blocks)
 
-    def acknowledgements(self) -> Reading[None]:
+    def acknowledgements(self) -> int:
         inbox = self.inbox
         while self.due:
-            while inbox.end - inbox.start < _ACK_SIZE:
-                yield _ACK_SIZE
-            if inbox.memory.startswith(_ACK, inbox.start):  # the usual case
-                inbox.start += _ACK_SIZE
-            else:
-                yield from self._unusual_acknowledgement()
+            unread = inbox.end - inbox.start
+            if unread < _ACK_SIZE:
+                return _ACK_SIZE
+            size = _ACK_SIZE
+            if not inbox.memory.startswith(_ACK, inbox.start):  # it has a payload, which has no meaning
+                extra = framing.read_number(inbox.memory, inbox.start)
+                if not 0 <= extra <= _MOST_EXTRA:
+                    raise ProtocolError(f"an acknowledgement with {extra} bytes")
+                size += extra
+                if unread < size:
+                    return size
+            inbox.start += size
             self.due -= 1
+        return 0
 
-    def _unusual_acknowledgement(self) -> Reading[None]:
-        """Read an acknowledgement with a payload, which has no meaning."""
-        extra = framing.read_number((yield from self.inbox.take(_ACK_SIZE)))
-        if not 0 <= extra <= _MOST_EXTRA:
-            raise ProtocolError(f"an acknowledgement with {extra} bytes")
-        yield from self.inbox.take(extra)
-
-    def end(self) -> Steps[None]:
-        command = framing.command_text("q")
+    def end(self) -> bytes:
         self.due += self.acknowledged
-        yield framing.index(len(command)) + command
-        yield from self.acknowledgements()
+        command = framing.command_text("q")
+        return framing.index(len(command)) + command
 
 
 TCP = StreamProtocol("tcp", framing.header(131), BinaryReceiver, BinarySender, acknowledged=True)

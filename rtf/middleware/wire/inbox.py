@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from collections.abc import Generator
 
 T = TypeVar("T")
-#: A part of a protocol that reads. An integer asks for so many unread bytes, which are more than there are; it is asked
-#: again as long as fewer have arrived.
+#: A part of a protocol that reads. An integer asks for so many unread bytes, which are more than there are. It goes on
+#: when some have arrived, and may ask again.
 Reading: TypeAlias = "Generator[int, None, T]"
 #: A part of a protocol that may also send: bytes are to be sent.
 Steps: TypeAlias = "Generator[int | bytes, None, T]"
@@ -128,7 +128,7 @@ class Inbox:
                 line = bytes(self.view[self.start : place])
                 self.start = place + 1
                 return line.removesuffix(b"\r")
-            yield searched + 1
+            yield 2 * searched + 1  # its length is not known; a long one is read in large pieces
 
     def _room_for_large(self, size: int, room: int) -> memoryview:
         if size > MAX_UNFRAMED:

@@ -70,6 +70,8 @@ class LineSender(Sender):
     acknowledgement: ClassVar[bytes] = _ACK
     #: What is written before each command.
     prefix: ClassVar[str] = ""
+    _reading: Reading[None] | None = None  # a reply of which a part has arrived
+    _lines: list[str]
 
     def greet(self, header: bytes, name: str) -> Steps[None]:
         """Send the name of the caller, a port or a label, and read the greeting."""
@@ -88,16 +90,28 @@ class LineSender(Sender):
     def ask(self, *lines: str) -> Steps[list[str]]:
         """Send a command line, and a data line if there is one. Return the lines of the reply."""
         yield self.command(*lines)
-        return (yield from self._reply_lines())
+        yield from self._read_reply()
+        return self._lines
 
-    def reply(self, codec: Codec[object], dialect: Dialect) -> Reading[None]:
-        """Read the reply into ``answer``. Without acknowledgements its end is unknown, so it is not awaited."""
-        lines = yield from self._reply_lines()
-        self.answer = codec.decode(encode(Bottle.parse(" ".join(lines)), dialect), dialect) if lines else None
+    def reply(self, codec: Codec[object], dialect: Dialect) -> int:
+        """Read the reply. Without acknowledgements its end is unknown, so it is not awaited."""
+        size = self.acknowledgements()
+        if not size:
+            text = " ".join(self._lines)
+            self.answer = codec.decode(encode(Bottle.parse(text), dialect), dialect) if self._lines else None
+        return size
 
-    def _reply_lines(self) -> Reading[list[str]]:
+    def acknowledgements(self) -> int:
+        if self._reading is None:
+            self._reading = self._read_reply()
+        size = next(self._reading, 0)
+        if not size:
+            self._reading = None
+        return size
+
+    def _read_reply(self) -> Reading[None]:
         """Read the lines of a reply, up to the acknowledgement."""
-        lines: list[str] = []
+        self._lines = []
         size = 0
         while self.due:
             line = yield from self.inbox.line()
@@ -107,14 +121,10 @@ class LineSender(Sender):
             elif size > MAX_LINE:
                 raise ProtocolError(f"a reply of more than {MAX_LINE} bytes in text")
             else:
-                lines.append(as_text(line))
-        return lines
+                self._lines.append(as_text(line))
 
-    def acknowledgements(self) -> Reading[None]:
-        yield from self._reply_lines()
-
-    def end(self) -> Steps[None]:
-        yield from self.ask("q")
+    def end(self) -> bytes:
+        return self.command("q")
 
 
 def as_text(line: bytes) -> str:

@@ -1,7 +1,8 @@
 """The protocol of a connection over a stream: a greeting, and the two ends, as state machines on bytes.
 
 A *receiver* is the end that gets messages and replies to them, a *sender* the end that sends them. Both are without a
-socket: what waits is a generator, see :mod:`rtf.middleware.wire.inbox`, and everything else returns the bytes to send.
+socket. What waits is a generator, see :mod:`rtf.middleware.wire.inbox`; replies and acknowledgements, which are read
+for each message, are functions that return how many bytes they wait for. Everything else returns the bytes to send.
 A whole connection is for the side that accepts it ``greeting``, ``welcome`` and then ``messages``, with an ``answer``
 after each; for the other side it is ``greet``, and for each message ``message``, ``reply`` if one is wanted, and
 ``acknowledgements``.
@@ -100,6 +101,9 @@ class Sender(ABC):
         self.due = 0
         #: The last reply; None if the peer had none.
         self.answer: object | None = None
+        # Of a reply of which a part has arrived: the bytes that it needs, and how far it is scanned if it is a bottle.
+        self._needed = 0
+        self._scanner: Scanner | None = None
 
     def greet(self, header: bytes, name: str) -> Steps[None]:
         """Send the header and the name of the caller, with its modifiers, and read the answer if there is one."""
@@ -109,48 +113,49 @@ class Sender(ABC):
     def message(self, message: OutgoingMessage) -> Sequence[Buffer]:
         """Return the bytes of a message. Large blocks are not copied."""
 
-    def reply(self, codec: Codec[object], dialect: Dialect) -> Reading[None]:
-        """Read the reply to the last message into ``answer``: a generator that returns a value is slower.
+    def reply(self, codec: Codec[object], dialect: Dialect) -> int:
+        """Read the reply to the last message into ``answer``, and return 0.
 
-        It has no length prefix: it is read until it is complete. After a BottleError its bytes are still unread.
+        If it has not arrived, return how many unread bytes to wait for before the next call. It has no length prefix:
+        it is read until it is complete. After a BottleError its bytes are still unread.
         """
         inbox = self.inbox
-        while inbox.start == inbox.end:
-            yield 1
-        no_reply = self.no_reply if self.acknowledged else b""
-        scanner: Scanner | None = None
-        needed = 0
-        while True:
-            if no_reply and inbox.memory.startswith(no_reply, inbox.start, inbox.end):
-                self.answer = None
-                return
-            if inbox.end - inbox.start < needed:
-                yield needed
-                continue
-            window = inbox.view[inbox.start : inbox.end]
-            try:
-                if scanner is not None:
-                    scanner.end(window)
-                self.answer, size = codec.decode_from(window, dialect)
-            except TruncatedBottleError as error:
-                if not needed:
-                    scanner = Scanner(dialect)  # so that no byte is looked at twice while more arrive
-                needed = error.needed
-            except BottleSyntaxError:
-                if scanner is None:
-                    raise
-                scanner = None  # some replies of services are no bottles: only the codec knows where they end
-            else:
-                inbox.start += size
-                return
+        if self.no_reply and self.acknowledged and inbox.memory.startswith(self.no_reply, inbox.start, inbox.end):
+            self._needed = 0
+            self.answer = None
+            return 0
+        if inbox.end - inbox.start < (self._needed or 1):
+            return self._needed or 1
+        window = inbox.view[inbox.start : inbox.end]
+        try:
+            if self._needed and self._scanner is not None:
+                self._scanner.end(window)
+            self.answer, size = codec.decode_from(window, dialect)
+        except TruncatedBottleError as error:
+            if not self._needed:
+                self._scanner = Scanner(dialect)  # so that no byte is looked at twice while more arrive
+            self._needed = error.needed
+            return self._needed
+        except BottleSyntaxError:
+            if self._needed and self._scanner is not None:
+                self._scanner = None  # some replies of services are no bottles: only the codec knows where they end
+                return self.reply(codec, dialect)
+            self._needed = 0
+            raise
+        inbox.start += size
+        self._needed = 0
+        return 0
 
     @abstractmethod
-    def acknowledgements(self) -> Reading[None]:
-        """Read the acknowledgements of all messages that were sent."""
+    def acknowledgements(self) -> int:
+        """Read the acknowledgements of all messages that were sent, and return 0.
+
+        If they have not arrived, return how many unread bytes to wait for before the next call.
+        """
 
     @abstractmethod
-    def end(self) -> Steps[None]:
-        """Tell the peer that nothing follows."""
+    def end(self) -> bytes:
+        """Return what tells the peer that nothing follows."""
 
 
 def read_caller(inbox: Inbox) -> Reading[Caller]:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rtf.middleware.types.codecs import Buffer
-    from rtf.middleware.wire.inbox import Reading, Steps
+    from rtf.middleware.wire.inbox import Reading
     from rtf.middleware.wire.outgoing_message import OutgoingMessage
     from rtf.middleware.wire.protocol import Messages
 
@@ -80,11 +80,14 @@ class UnframedSender(Sender):
         self.due += self.acknowledged
         return (framing.command(message.key, message.envelope), *message.blocks)
 
-    def acknowledgements(self) -> Reading[None]:
+    def acknowledgements(self) -> int:
         while self.due:
-            if (yield from self.inbox.take(len(_ACK))) != _ACK:
+            if self.inbox.unread < len(_ACK):
+                return len(_ACK)
+            if self.inbox.pop(len(_ACK)) != _ACK:
                 raise ProtocolError("the peer did not send an acknowledgement")
             self.due -= 1
+        return 0
 
-    def end(self) -> Steps[None]:
-        yield framing.command_text("q")
+    def end(self) -> bytes:
+        return framing.command_text("q")

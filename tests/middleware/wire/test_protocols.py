@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -87,13 +88,14 @@ def call(
     replies = []
     for message in messages:
         if message.key == "q":
-            end.run(sender.end())
+            end.sent += sender.end()
+            end.repeat(sender.acknowledgements)
             continue
         end.sent += b"".join(sender.message(message))
         if message.key != "D":
-            end.run(sender.reply(RAW, message.dialect))
+            end.repeat(partial(sender.reply, RAW, message.dialect))
             replies.append(sender.answer)
-        end.run(sender.acknowledgements())
+        end.repeat(sender.acknowledgements)
     assert end.done
     assert sender.due == 0
     return end.sent, replies
@@ -218,8 +220,8 @@ def test_unix_stream(dialect: Dialect, places: Cuts, envelope: str, *, acknowled
     bottles = [Bottle.parse(text) for text in MESSAGES]
     for bottle in bottles:
         sending.sent += b"".join(sender.message(OutgoingMessage("D", bottle, BOTTLE, dialect, envelope)))
-    sending.run(sender.acknowledgements())
-    sending.run(sender.end())
+    sending.repeat(sender.acknowledgements)
+    sending.sent += sender.end()
     receiving = End(cut(sending.sent, places))
     receiver = UnframedReceiver(receiving.inbox, acknowledged=acknowledged)
     received = receiving.receive(receiver.messages())
@@ -238,9 +240,9 @@ def test_no_reply(places: Cuts):
         end = End(cut(acknowledgement, places))
         sender = sender_of(end.inbox, acknowledged=True)
         sender.message(OutgoingMessage("d", Bottle([1]), BOTTLE, Dialect.YARP3))
-        end.run(sender.reply(BOTTLE, Dialect.YARP3))
+        end.repeat(partial(sender.reply, BOTTLE, Dialect.YARP3))
         assert sender.answer is None
-        end.run(sender.acknowledgements())
+        end.repeat(sender.acknowledgements)
         assert end.done
 
 
@@ -354,6 +356,19 @@ def test_what_is_announced_is_not_allocated():
     assert len(inbox.memory) < 16 << 20
 
 
+def test_a_long_line_is_read_in_large_pieces():
+    """However long it is, a source that has all of it is asked a few times."""
+    inbox, line, waits = Inbox(), b"d" * (MAX_LINE - 1) + b"\n", 0
+    reading = inbox.line()
+    for size in reading:
+        room = inbox.room(size)
+        piece = line[inbox.end : inbox.end + len(room)]
+        room[: len(piece)] = piece
+        inbox.end += len(piece)
+        waits += 1
+    assert waits < 12
+
+
 def test_a_line_without_an_end_is_refused():
     """Before it fills the memory."""
     end = End([b"d" * CHUNK] * (MAX_LINE // CHUNK + 1))
@@ -394,7 +409,7 @@ def test_a_reply_is_read_while_it_arrives(value: object, codec: Codec[object]):
     for step in (1, 7, len(data)):
         end = End([*cut(data[:-1], step), data[-1:] + framing.ACK])
         sender = binary.BinarySender(end.inbox, acknowledged=True)
-        end.run(sender.reply(codec, Dialect.YARP3))
+        end.repeat(partial(sender.reply, codec, Dialect.YARP3))
         assert b"".join(codec.encode(sender.answer, Dialect.YARP3)) == data
         assert end.inbox.window() == framing.ACK
 
@@ -406,7 +421,7 @@ def test_a_reply_that_is_no_object_is_refused_while_it_arrives():
     for pieces in ([bad], [bad[:100], bad[100:]]):
         end = End(pieces)
         with pytest.raises(BottleError, match="not the code"):
-            end.run(binary.BinarySender(end.inbox, acknowledged=True).reply(BOTTLE, Dialect.YARP3))
+            end.repeat(partial(binary.BinarySender(end.inbox, acknowledged=True).reply, BOTTLE, Dialect.YARP3))
 
 
 def test_a_slow_peer_costs_no_more_than_a_quick_one():
@@ -414,7 +429,7 @@ def test_a_slow_peer_costs_no_more_than_a_quick_one():
 
     def drip(count: int) -> int:
         end = End(cut(encode(Bottle([["a", index] for index in range(count)])), 1))
-        reply, calls = binary.BinarySender(end.inbox, acknowledged=True).reply(BOTTLE, Dialect.YARP3), 0
+        sender, calls = binary.BinarySender(end.inbox, acknowledged=True), 0
 
         def counted(frame: object, event: str, argument: object) -> None:
             nonlocal calls
@@ -422,7 +437,7 @@ def test_a_slow_peer_costs_no_more_than_a_quick_one():
 
         sys.setprofile(counted)
         try:
-            end.run(reply)
+            end.repeat(partial(sender.reply, BOTTLE, Dialect.YARP3))
         finally:
             sys.setprofile(None)
         return calls
@@ -440,5 +455,5 @@ def test_a_question_in_text_is_answered_up_to_the_acknowledgement():
     silent = End([])
     sender = lines.LineSender(silent.inbox, acknowledged=False)
     sender.message(OutgoingMessage("d", b"x", BYTES, Dialect.YARP3))
-    silent.run(sender.reply(BOTTLE, Dialect.YARP3))
+    silent.repeat(partial(sender.reply, BOTTLE, Dialect.YARP3))
     assert sender.answer is None
