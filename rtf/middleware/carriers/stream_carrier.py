@@ -42,7 +42,7 @@ class StreamInput(InputLink):
         self.reuses = receiver.reuses
         self.pollable = receiver.framed
         self._receiver = receiver
-        self._next = receiver.messages().__next__
+        self._messages = receiver.messages()
         self._acknowledgement = receiver.acknowledgement
 
     def welcome(self, stream: Stream, port: CarrierPort) -> None:
@@ -55,13 +55,14 @@ class StreamInput(InputLink):
         stream = self._stream
         if stream.start == stream.end:  # so whatever the protocol is at, it waits for more
             stream.more(1)
-        while isinstance(step := self._next(), int):
-            stream.more(step)
+        messages = self._messages
+        while type(step := next(messages)) is not tuple:  # twice as fast as isinstance
+            stream.more(step)  # type: ignore[arg-type]  # a number
         return step
 
     def poll(self) -> Message | int:
         """Return the next message if it has arrived, else how many bytes of it are known to be missing."""
-        step = self._next()
+        step = next(self._messages)
         return step - self._stream.unread if isinstance(step, int) else step
 
     def fill(self) -> None:
