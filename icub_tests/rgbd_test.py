@@ -65,6 +65,7 @@ class RgbdTest(RateTest):
 
     aliases = ("rgbdTest", "rgbd", "depthCamera")
     tags = ("streams", "camera")
+    judged_sensors = ("depth_cameras",)
 
     port = Parameter(str, "the name of the camera; none: those of the model", default="", aliases=("portname",))
     time = Parameter(float, "how long images are counted", unit="s", default=2.0, low=0.1)

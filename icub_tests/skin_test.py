@@ -34,6 +34,7 @@ class SkinTest(RateTest):
 
     aliases = ("skinTest", "skin")
     tags = ("sensors", "skin")
+    judged_sensors = ("skin",)
 
     port = Parameter(str, "the port of a patch; none: all of the robot", default="", aliases=("portname",))
     time = Parameter(float, "how long it is read", unit="s", default=2.0, low=0.1)
