@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rtf.robot.battery import BATTERY_READING, DATA, FULL
 from rtf.robot.interfaces import BatteryStatus
+from rtf.robot.sensors.battery import BATTERY_READING, DATA, FULL
 from rtf.robot_testing import likely_causes
 from rtf.robot_testing.robot_name import robot_model
 from rtf.robot_testing.stream_test import StreamTest
@@ -32,6 +32,7 @@ class BatteryTest(StreamTest):
 
     aliases = ("batteryTest", "battery-test")
     tags = ("sensors", "battery")
+    judged_sensors = ("battery",)
 
     port = Parameter(str, "the port of the readings; none: that of the model", default="", aliases=("portname",))
     time = Parameter(float, "how long it is read", unit="s", default=10.0, low=1.0)

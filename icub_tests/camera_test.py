@@ -12,7 +12,7 @@ import numpy as np
 from rtf.bottle import Dialect, Property
 from rtf.errors import RtfError
 from rtf.middleware.types import IMAGE
-from rtf.robot.client.frame_grabber import FrameGrabberClient
+from rtf.robot.sensors.camera import FrameGrabberClient
 from rtf.robot_testing import MotionGuard, Part, likely_causes
 from rtf.robot_testing.guard.simulated import is_simulated
 from rtf.robot_testing.judging.png import png
@@ -51,6 +51,7 @@ class CameraTest(RateTest):
 
     aliases = ("cameraTest", "camera", "Camera")
     tags = ("streams", "camera")
+    judged_sensors = ("cameras",)
 
     port = Parameter(str, "the camera's port; none: all of the robot", default="", key="portname", aliases=("port",))
     time = Parameter(

@@ -25,15 +25,14 @@ from rtf.robot.errors import NotSupportedError, RefusedError
 from rtf.robot_testing import Limits, Safety, likely_causes
 from rtf.robot_testing.guard.snapshot import answered
 from rtf.robot_testing.joints_test import JointsTest, command_at
-from rtf.robot_testing.motion.mode_numbers import LEGEND, mode_numbers
-from rtf.robot_testing.motion.mode_walk import ModeWalk
+from rtf.robot_testing.motion.modes import LEGEND, ModeWalk, mode_numbers
 from rtf.robot_testing.torque_control import greatest_torque, torque_flags
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from rtf.robot.client.boards import RemoteBoard
+    from rtf.robot.boards.client import RemoteBoard
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Trace
 
@@ -285,13 +284,14 @@ class ControlModes(JointsTest):
             self._wait(_WATCHED)
             self._wait_until(lambda: len(trace) > 0)
         if state in HOLDING_MODES:
-            found, most, unit = np.abs(trace.positions[:, joints] - before), self.moved, "deg"
+            found, most = np.abs(trace.positions[:, joints] - before), self.moved
         else:
-            found, most, unit = np.abs(trace.duty_cycles[:, joints]), _DRIVEN, "%"
+            found, most = np.abs(trace.duty_cycles[:, joints]), _DRIVEN
         for joint, value in zip(joints, found.max(axis=0), strict=True):
             if value > most and self._has(joint):
-                what = "moves by" if state in HOLDING_MODES else "is driven with"
-                self.wrong[joint].append(f"in {state.word} it {what} {value:.2f} {unit} at a command of {command.name}")
+                holds = state in HOLDING_MODES
+                what = f"moves by {part.shown(joint, value)}" if holds else f"is driven with {value:.2f} %"
+                self.wrong[joint].append(f"in {state.word} it {what} at a command of {command.name}")
 
     def _come_back(self) -> None:
         """Move the joints without errors home if they have fallen without power."""

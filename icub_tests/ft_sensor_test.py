@@ -38,6 +38,7 @@ class FtSensorTest(RateTest):
 
     aliases = ("ftSensorTest", "FtSensor", "ftsensor", "ftSensorTests", "ftsensor-tests")
     tags = ("sensors", "force-torque")
+    judged_sensors = ("force_torque",)
 
     port = Parameter(str, "the sensor's port; none: all of the robot", default="", key="portname", aliases=("port",))
     time = Parameter(float, "how long it is read", unit="s", default=1.0, low=0.1)

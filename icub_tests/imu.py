@@ -11,7 +11,7 @@ import numpy as np
 from rtf.errors import RtfError
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.interfaces import SensorCategory
-from rtf.robot.sensor_message import SENSOR_MESSAGE
+from rtf.robot.sensors.measurements import SENSOR_MESSAGE
 from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.judging.kinematics import rotation_of, rotation_vector
 from rtf.robot_testing.judging.orientations import each_once, sure_turn, turns_of, vertical_turn
@@ -70,6 +70,7 @@ class Imu(StreamTest):
 
     aliases = ("imu", "ImuTest", "IMU")
     tags = ("motion", "sensors", "imu")
+    judged_sensors = ("inertial",)
     safety = Safety.MOTION
 
     port = Parameter(str, "the server of the units, without /measures:o; none: /ROBOT/inertial", default="")

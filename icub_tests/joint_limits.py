@@ -83,7 +83,7 @@ class JointLimits(JointsTest):
     def setup(self) -> None:
         """Open the part, reduce the outputs of its controllers, and move it home."""
         super().setup()
-        self.speeds = self.by_joint("speed", self.speed)
+        self.speeds = self.robot_part.paced(self.by_joint("speed", self.speed))
         self.beyond = self.by_joint("outOfBoundPosition", self.out_of_bound)
         self.near = self.by_joint("toleranceList", self.tolerances or [self.tolerance])
         self.wanted = {
@@ -100,7 +100,10 @@ class JointLimits(JointsTest):
         """Exclude joints with swapped or missing limits before any motion: they are out of limits at any position."""
         part = self.robot_part
         for joint in [joint for joint in self.chosen if not part.low[joint] < part.high[joint]]:
-            limits = f"the limits {part.low[joint]:g} and {part.high[joint]:g} deg leave no range"
+            limits = (
+                f"the limits {part.shown(joint, part.low[joint], 'g')} and {part.shown(joint, part.high[joint], 'g')} "
+                "leave no range"
+            )
             self.fail_and_exclude(joint, f"{part.names[joint]}: {limits}; {likely_causes('no range')}", "has no range")
 
     def _weaken(self, joint: int, percent: float) -> Pid:
@@ -185,14 +188,15 @@ class JointLimits(JointsTest):
         wanted = float(self.wanted[side.name][joint])
         if not np.isnan(wanted):
             hint = (
-                f"the {side.name} limit of {name} is {side.limit:g} deg in its configuration, not {wanted:g}; "
+                f"the {side.name} limit of {name} is {self.shown(side.limit, 'g')} in its configuration, not "
+                f"{self.shown(wanted, 'g')}; "
                 f"{likely_causes('wrong limit')}"
             )
             self.measure(f"{side.name} limit", side.limit, "deg", low=wanted - _SAME, high=wanted + _SAME, hint=hint)
         missing = self._judge_missing(joint, side, reached.position)
         excess = sign * (asked.position - side.limit)
         hint = (
-            f"{name} goes {excess:.2f} deg beyond its {side.name} limit of {side.limit:g} deg; "
+            f"{name} goes {self.shown(excess)} beyond its {side.name} limit of {self.shown(side.limit, 'g')}; "
             f"{likely_causes('beyond limit')}"
         )
         self.measure(f"beyond the {side.name} limit", excess, "deg", high=tolerance, hint=hint)
@@ -204,8 +208,8 @@ class JointLimits(JointsTest):
         """Judge how far a joint at rest is short of a limit (deg), and return that."""
         name, missing = self.robot_part.names[joint], side.sign * (side.limit - position)
         hint = (
-            f"{name} stops at {position:.2f} deg, {missing:.2f} deg short of its {side.name} limit of "
-            f"{side.limit:g} deg; {likely_causes('short of limit')}"
+            f"{name} stops at {self.shown(position)}, {self.shown(missing)} short of its {side.name} limit of "
+            f"{self.shown(side.limit, 'g')}; {likely_causes('short of limit')}"
         )
         self.measure(f"short of the {side.name} limit", missing, "deg", high=self.near[joint], hint=hint)
         return missing
@@ -227,7 +231,8 @@ class JointLimits(JointsTest):
         percent = 100.0 * push / full
         high = 100.0 * max(allowed, _LEAST_PUSH)
         hint = (
-            f"{self.robot_part.names[joint]} pushes beyond its {side.name} limit of {side.limit:g} deg with "
+            f"{self.robot_part.names[joint]} pushes beyond its {side.name} limit of "
+            f"{self.shown(side.limit, 'g')} with "
             f"{percent:.0f} % of its output when commanded there; {likely_causes('beyond limit')}"
         )
         self.measure(f"push beyond the {side.name} limit", percent, "%", high=high, hint=hint)
@@ -235,7 +240,8 @@ class JointLimits(JointsTest):
     def _judge_return(self, joint: int) -> None:
         part = self.robot_part
         here, home = part.board.encoder(joint), float(part.home[joint])
-        hint = f"{part.names[joint]} comes back to {here:.2f} deg, not to {home:.2f}; {likely_causes('weak')}"
+        where = f"{part.names[joint]} comes back to {self.shown(here)}, not to {self.shown(home)}"
+        hint = f"{where}; {likely_causes('weak')}"
         self.measure("away from home afterwards", abs(here - home), "deg", high=max(self.near[joint], _HOME), hint=hint)
 
     def _keep(self, trace: Trace) -> None:
@@ -248,10 +254,10 @@ class JointLimits(JointsTest):
             self.record(
                 f"{part.names[joint]}: position",
                 time=(time[rows] - begin, "s"),
-                position=(positions[rows, joint], "deg"),
-                target=(command_at(time[rows], self._told[joint]), "deg"),
-                lower_limit=(np.full(rows.sum(), low), "deg"),
-                upper_limit=(np.full(rows.sum(), high), "deg"),
+                position=part.column(joint, positions[rows, joint]),
+                target=part.column(joint, command_at(time[rows], self._told[joint])),
+                lower_limit=part.column(joint, np.full(rows.sum(), low)),
+                upper_limit=part.column(joint, np.full(rows.sum(), high)),
                 current=(currents[rows, joint], "A"),
             )
 

@@ -9,6 +9,8 @@ from rtf.robot_testing.duty_test import DutyTest, Steps
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from rtf.robot_testing.duty_test import BothWays
     from rtf.robot_testing.motion.duty_ramp import Ramp
 
@@ -83,14 +85,14 @@ class MotorEncodersSignCheck(DutyTest):
     def _judge_way(self, name: str, word: str, sign: float, steps: Steps, ramp: Ramp) -> None:
         least = _SHARE * steps.threshold
         motor, joint = sign * ramp.motor, sign * ramp.joint
-        hint = f"{name}, {word} duty cycle: {_diagnosis(motor, joint, least)}"
+        hint = f"{name}, {word} duty cycle: {_diagnosis(motor, joint, least, self.shown)}"
         self.measure(f"motor follows a {word} duty cycle", motor, "deg", low=least, hint=hint)
         # A diagnosis of both is given once.
         self.measure(f"joint follows a {word} duty cycle", joint, "deg", low=least, hint=hint if motor >= least else "")
         self.measure(f"first motion with a {word} duty cycle", ramp.breakaway, "%")
 
 
-def _diagnosis(motor: float, joint: float, least: float) -> str:
+def _diagnosis(motor: float, joint: float, least: float, shown: Callable[[float, str], str]) -> str:
     """Return the diagnosis of the motions of motor and joint (deg), of which one is less than ``least``."""
     if motor <= -least and joint <= -least:
         return f"motor and joint both turn the wrong way: the motor's wires or its mounting; {likely_causes('sign')}"
@@ -102,5 +104,6 @@ def _diagnosis(motor: float, joint: float, least: float) -> str:
             f"{likely_causes('sign')}"
         )
     if motor < least:
-        return f"the joint moves by {joint:.1f} deg, the motor's encoder does not; {likely_causes('frozen')}"
-    return f"the motor moves by {motor:.1f} deg, the joint's encoder does not; {likely_causes('frozen', 'backlash')}"
+        return f"the joint moves by {shown(joint, '.1f')}, the motor's encoder does not; {likely_causes('frozen')}"
+    causes = likely_causes("frozen", "backlash")
+    return f"the motor moves by {shown(motor, '.1f')}, the joint's encoder does not; {causes}"

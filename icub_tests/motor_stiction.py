@@ -97,8 +97,8 @@ class MotorStiction(DutyTest):
         for word, ramp in (("positive", ways.positive), ("negative", ways.negative)):
             self.assert_true(
                 ramp.moved,
-                f"{name} does not move {steps.threshold:g} deg with a {word} duty cycle: {ramp.end.value}, at "
-                f"{ramp.added:g} %; {likely_causes('does not move')}",
+                f"{name} does not move {self.shown(steps.threshold, 'g')} with a {word} duty cycle: "
+                f"{ramp.end.value}, at {ramp.added:g} %; {likely_causes('does not move')}",
             )
 
 

@@ -70,7 +70,7 @@ class MotorTest(JointsTest):
         self.targets = self._targets()
         self.low = self.targets - np.abs(self.by_joint("min", self.below))
         self.high = self.targets + np.abs(self.by_joint("max", self.above))
-        self.speeds = self.by_joint("refvel", self.speed)
+        self.speeds = self.robot_part.paced(self.by_joint("refvel", self.speed))
         self.hold()
         part.board.set_reference_speeds(self.speeds[self.chosen], self.chosen)
         if self.acceleration:
@@ -175,13 +175,17 @@ class MotorTest(JointsTest):
             if math.isfinite(found.settling_time):
                 self.measure("settling", found.settling_time, "s")
             beyond = found.overshoot / 100.0 * way
-            hint = f"{name} goes {beyond:.2f} deg beyond its target of {target:.2f} deg; {likely_causes('overshoot')}"
+            hint = (
+                f"{name} goes {self.shown(beyond)} beyond its target of {self.shown(target)}; "
+                f"{likely_causes('overshoot')}"
+            )
             self.measure("overshoot", beyond, "deg", high=self.overshoot, hint=hint)
         error = float(positions[-_LAST:].mean()) - target
         moved = abs(float(positions[-1]) - start)
         finding = "does not move" if moved < _SHORTEST else "weak"
         hint = (
-            f"{name} ends {error:+.2f} deg from its target of {target:.2f} deg, after it moved {moved:.2f} deg; "
+            f"{name} ends {self.shown(error, '+.2f')} from its target of {self.shown(target)}, after it moved "
+            f"{self.shown(moved)}; "
             f"{likely_causes(finding)}"
         )
         self.measure("final error", error, "deg", low=low, high=high, hint=hint)

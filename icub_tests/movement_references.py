@@ -10,6 +10,7 @@ from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import Limits, Safety, likely_causes
 from rtf.robot_testing.joints_test import JointsTest
 from rtf.robot_testing.judging.real_time_checks import loop_delay
+from rtf.robot_testing.slides import converted, in_metres
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -60,7 +61,7 @@ class MovementReferencesTest(JointsTest):
         """Open the part, set speeds, and bring its joints home."""
         super().setup()
         part = self.robot_part
-        self.speeds = self.by_joint("refVel", self.speed)
+        self.speeds = self.robot_part.paced(self.by_joint("refVel", self.speed))
         self.accelerations = self.by_joint("refAcc", self.acceleration or [np.nan])
         self.way = self._inwards(part.home)
         if self.target:
@@ -156,7 +157,8 @@ class MovementReferencesTest(JointsTest):
         self._near("speed", joints, taken, speeds, _TAKEN * self.velocity, "deg/s", "does not move", "weak", late=late)
         commanded = positions[0] + np.multiply.outer(time, speeds)
         for place, joint in enumerate(joints):
-            columns = {"position": (positions[:, place], "deg"), "told": (commanded[:, place], "deg")}
+            columns = {"position": part.column(joint, positions[:, place])}
+            columns["told"] = part.column(joint, commanded[:, place])
             self.record(f"velocity of {part.names[joint]}", time=(time, "s"), **columns)
 
     def _run_at(self, speeds: FloatArray, joints: list[int]) -> list[float]:
@@ -206,7 +208,8 @@ class MovementReferencesTest(JointsTest):
         for joint, value, expected in zip(joints, found, wanted, strict=True):
             name = self.robot_part.names[joint]
             with self.subresult(name):
-                wrong = f"{name}: {what} is {value:g} {unit}, not {expected:g}"
+                factor, symbol = converted(in_metres(self.robot_part.board, joint), unit)
+                wrong = f"{name}: {what} is {value * factor:g} {symbol}, not {expected * factor:g}"
                 if late and not abs(value - expected) <= tolerance:
                     self.inconclusive(f"{wrong}; but {late}")
                 hint = f"{wrong}; {likely_causes(*findings)}"

@@ -198,15 +198,16 @@ class OpticalEncodersConsistency(JointsTest):
         turned = float(np.ptp(own.motors[:, joint])) / abs(self.transmission.factors[joint])
         self.assert_true(
             travel >= _SWUNG or turned < _SWUNG,
-            f"{name}: its motor turns it by {turned:.1f} deg, its encoder shows {travel:.2f} deg; "
+            f"{name}: its motor moves it by {self.shown(turned, '.1f')}, its encoder shows {self.shown(travel)}; "
             f"{likely_causes('frozen')}",
         )
         if travel < _SWUNG:
-            self.assert_error_if_false(outcome.complaint, f"{name}: {travel:.2f} deg of motion are too little to judge")
+            little = f"{name}: {self.shown(travel)} of motion are too little to judge"
+            self.assert_error_if_false(outcome.complaint, little)
             return
         self.assert_true(
             turned >= 0.1 * travel or not self.transmission.coupling[joint, joint],  # otherwise other motors turn it
-            f"{name} moves by {travel:.1f} deg, its motor's encoder does not; {likely_causes('frozen')}",
+            f"{name} moves by {self.shown(travel, '.1f')}, its motor's encoder does not; {likely_causes('frozen')}",
         )
         ratios, left = self._estimate(joint, data)
         # A residual that is a large share of the half swing makes the slope less certain.
@@ -257,7 +258,7 @@ class OpticalEncodersConsistency(JointsTest):
         name = self.robot_part.names[joint]
         speeds, duties = data.joint_speeds[:, joint], data.duties[:, joint]
         play = max(_two_sided(left, speeds, _SURELY), _two_sided(left, duties, _PUSHING))
-        hint = f"{name}: the motor leads by {play:.2f} deg from side to side; {likely_causes('backlash')}"
+        hint = f"{name}: the motor leads by {self.shown(play)} from side to side; {likely_causes('backlash')}"
         self.measure("play", play, "deg", high=self.backlash, hint=hint)
         rms = float(np.sqrt(np.mean((left - np.median(left)) ** 2)))
         worst = float(np.abs(left).max())
@@ -265,7 +266,7 @@ class OpticalEncodersConsistency(JointsTest):
         if play > self.backlash:
             return False  # play also shows in the rms, and has been judged
         high = self.noise + play / 2
-        hint = f"{name}: joint and motor disagree by {rms:.2f} deg rms; {likely_causes('noise', 'drift')}"
+        hint = f"{name}: joint and motor disagree by {self.shown(rms)} rms; {likely_causes('noise', 'drift')}"
         self.measure("rms of the disagreement", rms, "deg", high=high, hint=hint)
         return rms <= high
 

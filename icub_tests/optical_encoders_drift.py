@@ -102,8 +102,9 @@ class OpticalEncodersDrift(JointsTest):
                 self._judge(joint, np.array(visits.swings), drift[:, joint], travel[place])
 
     def _growing(self) -> Series:
-        names = [self.robot_part.names[joint] for joint in self.chosen]
-        return self.series("drift at home", half_swings="count", **dict.fromkeys(names, "deg"))
+        part = self.robot_part
+        units = {part.names[joint]: part.column(joint, np.empty(0))[1] for joint in self.chosen}
+        return self.series("drift at home", half_swings="count", **units)
 
     def _swing(self, visits: _Visits, series: Series) -> FloatArray:
         """Swing until the end, or a clear failure; return the shares of the swings that the motor encoders showed."""
@@ -115,7 +116,8 @@ class OpticalEncodersDrift(JointsTest):
             done += count
             self._visit(visits, done)
             apart = self._apart(visits)
-            series.append(done, *apart)
+            columns = zip(self.chosen, apart, strict=True)
+            series.append(done, *(self.robot_part.column(joint, drift)[0] for joint, drift in columns))
             largest = float(np.fmax.reduce(np.abs(apart)))  # of the finite values
             self.progress(done / self.cycles, f"largest drift {largest:.3f} deg")
             if self._hopeless(largest):
@@ -197,7 +199,7 @@ class OpticalEncodersDrift(JointsTest):
         last, jump = float(drift[-1]), _greatest_jump(drift)
         how = f"in one jump, at half-swing {swings[jump]:.0f}" if jump else "gradually"
         hint = (
-            f"{name}: motor and joint encoder differ by {last:+.3f} deg more than at the beginning "
+            f"{name}: motor and joint encoder differ by {self.shown(last, '+.3f')} more than at the beginning "
             f"({last * self.transmission.factors[joint]:+.1f} deg of the rotor), {how}; {likely_causes('drift')}"
         )
         self.measure("drift at the end", last, "deg", low=-self.drift, high=self.drift, hint=hint)
@@ -213,8 +215,8 @@ class OpticalEncodersDrift(JointsTest):
         swung = max(self.cycles, _HUNDRED)
         surely = max(0.0, abs(line.slope) - line.slope_interval) * swung
         hint = (
-            f"{name} drifts by at least {surely:.3f} deg in {swung:.0f} half-swings, with a confidence of 99 %; "
-            f"{likely_causes('drift')}"
+            f"{name} drifts by at least {self.shown(surely, '.3f')} in {swung:.0f} half-swings, with a confidence of "
+            f"99 %; {likely_causes('drift')}"
         )
         self.measure("drift by the trend, at least", surely, "deg", high=self.drift, hint=hint)
 

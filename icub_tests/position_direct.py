@@ -14,6 +14,7 @@ from rtf.robot_testing.judging.real_time_checks import loop_delay
 from rtf.robot_testing.judging.sine import RampedSine, fit_sine
 from rtf.robot_testing.motion.periodic_loop import ticks
 from rtf.robot_testing.motion.start_position import bring, late_joints, starting_point
+from rtf.robot_testing.slides import in_metres
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -209,12 +210,13 @@ class PositionDirect(RobotTest):
         first, last = self.sine.plateau
         whole = (run.sent_at >= first) & (run.sent_at <= last)
         for column, joint in enumerate(self.chosen):
-            fit = fit_sine(run.sent_at[whole], run.sent[whole, column], self.frequency)
+            part, fit = self.robot_part, fit_sine(run.sent_at[whole], run.sent[whole, column], self.frequency)
             wanted = float(self.sine.amplitudes[column])
             self.assert_error_if_false(
                 abs(fit.amplitude - wanted) <= _STIMULUS * wanted and fit.rms <= _STIMULUS * wanted,
-                f"{form}: the commands to {self.robot_part.names[joint]} are not a sine of {wanted:g} deg: their "
-                f"amplitude is {fit.amplitude:.3g} deg, the residual {fit.rms:.3g} deg",
+                f"{form}: the commands to {part.names[joint]} are not a sine of {part.shown(joint, wanted, 'g')}: "
+                f"their amplitude is {part.shown(joint, fit.amplitude, '.3g')}, the residual "
+                f"{part.shown(joint, fit.rms, '.3g')}",
             )
 
     def _judge_lost(self, name: str, lost: float) -> None:
@@ -257,6 +259,7 @@ class PositionDirect(RobotTest):
             self._gain(name, "amplitude", gain, "weak" if gain < 1 else "overshoot"),
             *(self._taken(name, column, run) if len(run.taken) else ()),
         )
+        values = [value.scaled(in_metres(self.robot_part.board, joint)) for value in values]
         judge_values(self, name, values, loop_delay(run.sent_at, self.sample_time))
 
     def _gain(self, name: str, what: str, gain: float, finding: str) -> CheckedValue:

@@ -49,7 +49,7 @@ class PositionStress(JointsTest):
         part = self.robot_part
         self.bottom = self._ends("min", self.low, part.home - self.distance)
         self.top = self._ends("max", self.high, part.home + self.distance)
-        self.speeds = self.by_joint("speed", self.speed)
+        self.speeds = self.robot_part.paced(self.by_joint("speed", self.speed))
         self.assert_error_if_false(
             self.shortest <= self.longest, f"shortest, {self.shortest:g} s, is longer than longest, {self.longest:g} s"
         )
@@ -110,10 +110,10 @@ class PositionStress(JointsTest):
         reach = float(positions.max() - positions.min())
         # The way at full speed in the shortest wait; half of that time is for the board to begin.
         least = 0.5 * min(self.shortest * self.speeds[joint], float(self.top[joint] - self.bottom[joint]))
-        hint = f"{name} moves by {reach:.2f} deg only; {likely_causes('does not move')}"
+        hint = f"{name} moves by {self.shown(reach)} only; {likely_causes('does not move')}"
         self.measure("range", reach, "deg", low=least, hint=hint)
         away = float(positions[-1]) - home
-        hint = f"{name} is {away:+.2f} deg from its start position; {likely_causes('weak')}"
+        hint = f"{name} is {self.shown(away, '+.2f')} from its start position; {likely_causes('weak')}"
         self.measure("away from where it began", away, "deg", -self.tolerance, self.tolerance, hint=hint)
 
     def _go(self, joint: int, end: float, wait: float) -> Routine[list[str]]:
@@ -124,7 +124,8 @@ class PositionStress(JointsTest):
         found = float(part.board.target_positions(joint)[0])
         if abs(found - end) <= _SAME:
             return []
-        return [f"{part.names[joint]}: the target is {found:.2f} deg, not {end:.2f}; {likely_causes('does not start')}"]
+        where = f"the target is {part.shown(joint, found)}, not {part.shown(joint, end)}"
+        return [f"{part.names[joint]}: {where}; {likely_causes('does not start')}"]
 
     def _judge_modes(self, joint: int, modes: np.ndarray[tuple[int, ...], np.dtype[np.int32]]) -> None:
         """Check that all axes of the part but the excluded ones were in position mode all the time."""

@@ -42,6 +42,7 @@ class SensorsDuplicateReadings(StreamTest):
 
     aliases = ("SensorsDuplicateRd", "sensorsDuplicateReadings", "sensors-duplicate-readings")
     tags = ("streams", "sensors")
+    judged_sensors = ("force_torque", "inertial", "angles")
 
     port = Parameter(str, "one port; none: those of ports", default="", aliases=("portname",))
     ports = Parameter(

@@ -13,7 +13,7 @@ from rtf.middleware.ports.port import Port
 from rtf.middleware.wire.contact import Contact
 from rtf.robot.devices.fake_sensors import FakeAnalogSensor
 from rtf.robot.errors import DeviceError
-from rtf.robot.server.analog import AnalogDevice
+from rtf.robot.sensors.analog import AnalogDevice
 from rtf.robot_testing.judging.failure_causes import likely_causes
 from rtf.robot_testing.streams.port_recorder import Listener
 from rtf.testing import Parameter, TestCase
@@ -61,7 +61,7 @@ class SkinWrapperTest(TestCase):
         }
         self._test("one port", whole, [self._name("one"), f"{self._name('one')}{_RPC}"])
         several = [f"{self._name('parts')}/{part}" for part in _PARTS]
-        self._test("several ports", shares, [*several, f"{self._name('parts')}{_RPC}"])
+        self._test("several ports", shares, [*several, *(f"{part}{_RPC}" for part in several)])
 
     def _test(self, subject: str, configuration: Mapping[str, object], ports: list[str]) -> None:
         with self.subresult(subject):
@@ -70,7 +70,7 @@ class SkinWrapperTest(TestCase):
             try:
                 for port in ports:
                     self.check_fail_if_false(self._there(port), f"{port} does not exist though the wrapper is open")
-                self._listen(ports[:-1], opened)
+                self._listen([port for port in ports if not port.endswith(_RPC)], opened)
                 self._check_refused(configuration, ports[0], "while another wrapper has it")
             finally:
                 wrapper.close()

@@ -35,6 +35,7 @@ class TorqueControlAccuracy(CoupledStepTest):
     aliases = ("torqueControl-accuracy", "torqueControlAccuracy", "TorqueControl-accuracy")
     tags = ("motion", "control", "torque")
     safety = Safety.EFFORT
+    torque_control = True
     symbol = "Nm"
     highest = 1.0
     shortest = 0.1

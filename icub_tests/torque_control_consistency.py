@@ -41,6 +41,7 @@ class TorqueControlConsistency(RobotTest):
     aliases = ("torqueControl-consistency", "torqueControlConsistency", "TorqueControl-consistency")
     tags = ("motion", "torque", "interfaces")
     safety = Safety.EFFORT
+    torque_control = True
 
     part = Parameter(str, "the part whose joints are tested", default="left_arm")
     joints = Parameter(list[int], "its joints; none: all with torque control", default=[])

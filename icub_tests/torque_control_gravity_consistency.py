@@ -52,6 +52,7 @@ class TorqueControlGravityConsistency(RobotTest):
     ignored_keys = ("wbi_conf_file", "local")  # of the C++ test, which used a model server
     tags = ("motion", "torque", "sensors", "model")
     safety = Safety.MOTION
+    torque_control = True
 
     part = Parameter(str, "the part whose torques are compared", default="left_arm")
     joints = Parameter(list[int], "its joints; none: all with torque control", default=[])

@@ -49,6 +49,7 @@ class TorqueControlStiffDampCheck(RobotTest):
     aliases = ("torqueControl-stiffDampCheck", "torqueControlStiffDampCheck")
     tags = ("motion", "torque", "impedance")
     safety = Safety.EFFORT
+    torque_control = True
 
     part = Parameter(str, "the part whose joints are pushed", default="left_arm")
     joints = Parameter(list[int], "its joints; none: all with torque control", default=[])

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Property
-from rtf.robot.server.control_board_device import ControlBoardDevice
+from rtf.robot.boards.server import ControlBoardDevice
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -24,10 +24,15 @@ def test_imports_follow_the_architecture():
 
 
 def test_imports_for_types_count(tmp_path: Path):
-    """A file that needs a higher floor for its annotations only is found, too."""
+    """A file that needs a higher floor, or its neighbour, for its annotations only is found, too."""
     shutil.copytree(PROJECT / "rtf", tmp_path / "rtf", ignore=shutil.ignore_patterns("__pycache__"))
-    with (tmp_path / "rtf/bottle/errors.py").open("a") as file:
-        file.write("from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from rtf.cli.demo import main\n")
+    for path, line in (
+        ("rtf/bottle/errors.py", "from rtf.cli.demo import main"),
+        ("rtf/robot/yarp3/values.py", "from rtf.robot.yarp4.values import Kind"),
+    ):
+        with (tmp_path / path).open("a") as file:
+            file.write(f"from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    {line}\n")
     result = lint_imports(tmp_path)
     assert result.returncode == 1, result.stdout + result.stderr
     assert "rtf.bottle.errors -> rtf.cli.demo" in result.stdout
+    assert "rtf.robot.yarp3.values -> rtf.robot.yarp4.values" in result.stdout

@@ -309,7 +309,7 @@ def _wait_for(ready: Path, simulator: subprocess.Popen[bytes]) -> None:
 
 def _command(network: Network, runs: Path) -> list[str]:
     from rtf.middleware.clocks.network_clock import LockstepClock
-    from rtf.robot.client.boards import connect
+    from rtf.robot.boards.client import connect
 
     began = clock.monotonic()
     with clock.use(LockstepClock("/clock", "demonstration", network=network)) as time:
@@ -338,7 +338,7 @@ def _look(network: Network, runs: Path) -> str:
     if not remote.exists(network, Contact(f"/{_ROBOT}/cam/left/rpc")):
         return "  no picture: this machine cannot make any; see rtf simulator --cameras yes"
     from rtf.bottle import Property
-    from rtf.robot.client.frame_grabber import FrameGrabberClient
+    from rtf.robot.sensors.camera import FrameGrabberClient
     from rtf.robot_testing.judging.png import png
 
     eye = FrameGrabberClient("eye", network=network)

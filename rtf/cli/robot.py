@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from rtf.cli.parser import Parser
 from rtf.errors import RtfError
 from rtf.robot.model.names import FILE
+from rtf.testing.plugins import shipped_folder
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
     from rtf.robot.model import RobotModel
     from rtf.simulator.plant import Plant
 
-#: A drive that gravity loads with more than this share of its torque has too little left to move.
-_LOADED = 0.8
 _PICTURE = (640, 480)
 
 
@@ -60,19 +59,23 @@ def list_robots(words: Sequence[str]) -> int:
 def check_robot(words: Sequence[str]) -> int:
     """Read a robot, build it, and say what is wrong or assumed; 1 if a robot like this could not be tested."""
     from rtf.robot.model import load_robot
-    from rtf.simulator.contacts import touching
+    from rtf.robot_testing.thresholds import wrong_thresholds
     from rtf.simulator.plant import Options, build
+    from rtf.simulator.poses import problems_of
 
     parser = Parser(prog="rtf robot check", description="Look at a robot: its joints, its drives, what was assumed.")
     parser.add_argument("robot", metavar="ROBOT", help=f"its name, or the path of its {FILE}")
-    parser.add_argument("--picture", metavar="FILE.png", type=Path, help="draw it in its home pose")
+    parser.add_argument(
+        "--picture", metavar="FILE.png", type=Path, help="draw it in its home pose, its safe ones, and its workspace"
+    )
     options = parser.parse_args(words)
     robot = load_robot(options.robot)
-    plant = build(robot, Options(cameras=options.picture is not None))
+    plant = build(robot, Options(cameras=options.picture is not None, workspace=True))
     data = plant.data()
     gravity = plant.axis_torques(data.qfrc_bias).tolist()
     _print_joints(robot, gravity)
-    problems = _problems(robot, touching(plant.model, data), gravity)
+    _print_coverage(robot, _suites(robot)[0])
+    problems = [*problems_of(plant), *wrong_thresholds(robot)]
     for sentence in robot.assumed:
         print(f"assumed: {sentence}")
     for problem in problems:
@@ -105,24 +108,22 @@ def _print_joints(robot: RobotModel, gravity: Sequence[float]) -> None:
     Console(width=110, highlight=False).print(table)
 
 
-def _problems(robot: RobotModel, contacts: Sequence[tuple[str, str]], gravity: Sequence[float]) -> list[str]:
-    """Return what would keep a robot from being tested, a sentence each."""
-    found = [f"{first} and {second} touch in the home pose" for first, second in contacts]
-    for axis, load in zip(robot.axes, gravity, strict=True):
-        if abs(load) > _LOADED * axis.max_torque:
-            found.append(
-                f"{axis.name}: gravity takes {abs(load):.3g} of its {axis.max_torque:g} at home; see max_torque"
-            )
-    return found
-
-
 def _draw(plant: Plant, path: Path) -> None:
-    from PIL import Image
+    """Draw the robot in its home pose and beside it in the safe ones, with its workspace."""
+    from PIL import Image, ImageDraw, ImageFont
 
     from rtf.simulator.cameras import Camera
+    from rtf.simulator.poses import poses, standing
 
     with Camera(plant.model, "outside", *_PICTURE) as camera:
-        Image.fromarray(camera.render(plant.data())).save(path)
+        pictures = {name: Image.fromarray(camera.render(standing(plant, axes))) for name, axes in poses(plant).items()}
+    width, height = _PICTURE
+    whole = Image.new("RGB", (width * len(pictures), height))
+    for place, (name, picture) in enumerate(pictures.items()):
+        if len(pictures) > 1:
+            ImageDraw.Draw(picture).text((12, 8), name, fill="black", font=ImageFont.load_default(24))
+        whole.paste(picture, (width * place, 0))
+    whole.save(path)
 
 
 @_told
@@ -168,7 +169,7 @@ def test_robot(words: Sequence[str]) -> int:
     from rtf.cli import testrunner
     from rtf.cli.arguments import parse_run
     from rtf.robot.model import load_robot
-    from rtf.testing.plugins import shipped_folder
+    from rtf.robot_testing.thresholds import wrong_thresholds
 
     parser = Parser(
         prog="rtf robot test",
@@ -179,25 +180,68 @@ def test_robot(words: Sequence[str]) -> int:
     options, rest = parser.parse_known_args(words)
     parse_run(rest)
     robot = load_robot(options.robot)
+    if problems := wrong_thresholds(robot):
+        print("\n".join(f"rtf robot: {problem}" for problem in problems), file=sys.stderr)
+        return int(ExitCode.USAGE)
+    suites, obstacles = _suites(robot)
+    print(f"{robot.title}: {len(robot.axes)} joints in {len(robot.parts)} parts, thresholds {robot.profile}")
+    for name, why in obstacles.items():
+        print(f"not tested: {name}, {why}")
+    words = [*suites, *rest]
+    _print_coverage(robot, words)
+    return int(testrunner.main(words))
+
+
+def _suites(robot: RobotModel) -> tuple[list[str], dict[str, str]]:
+    """Return the words of testrunner for the suites of a robot, and why others cannot be run, by their names."""
     torque = [part.name for part in robot.parts.values() if any(axis.torque_control for axis in part.axes)]
     sensors = robot.sensors
-    chosen = [
-        ("joints", True),
-        ("torque", bool(torque)),
-        ("sensors", bool(sensors.force_torque or sensors.inertial or sensors.angles)),
-        ("force-torque", bool(sensors.force_torque)),
-        ("battery", sensors.battery is not None),
-    ]
+    absent = "which the robot does not have"
+    obstacles = {
+        "joints": "",
+        "torque": "" if torque else absent,
+        "sensors": "" if sensors.force_torque or sensors.inertial or sensors.angles else absent,
+        "force-torque": "" if sensors.force_torque else absent,
+        "skin": "" if sensors.skin else absent,
+        "depth-cameras": _obstacle_to_rendering() if sensors.depth_cameras else absent,
+        "battery": "" if sensors.battery is not None else absent,
+    }
     folder = shipped_folder("suites") / "any"
-    suites = [word for name, has in chosen if has for word in ("--suite", str(folder / f"simulated-{name}.xml"))]
+    suites = [
+        word
+        for name, why in obstacles.items()
+        if not why
+        for word in ("--suite", str(folder / f"simulated-{name}.xml"))
+    ]
     defined = {"model": str(robot.folder / FILE), "parts": " ".join(robot.parts), "torque_parts": " ".join(torque)}
-    needed = ["model", "parts", *(["torque_parts"] if torque else [])]
+    defined["seed"] = "0"  # a later --define counts
+    needed = ["model", "seed", "parts", *(["torque_parts"] if torque else [])]
     defines = [word for name in needed for word in ("--define", f"{name}={defined[name]}")]
-    print(f"{robot.title}: {len(robot.axes)} joints in {len(robot.parts)} parts, thresholds {robot.profile}")
-    for name, has in chosen:
-        if not has:
-            print(f"not tested: {name}, which the robot does not have")
-    return int(testrunner.main([*suites, *defines, *rest]))
+    return [*suites, *defines], {name: why for name, why in obstacles.items() if why}
+
+
+def _print_coverage(robot: RobotModel, words: Sequence[str]) -> None:
+    """Print which joints the tests judge that these words of testrunner choose."""
+    from rtf.cli.arguments import parse_run
+    from rtf.cli.coverage_table import print_coverage
+    from rtf.cli.planning import make_plan
+    from rtf.robot_testing.coverage import coverage
+
+    options = parse_run(words)
+    options.list = True  # without the fixtures that tests imply
+    print_coverage(robot, coverage(robot, make_plan(options), options.overrides))
+
+
+def _obstacle_to_rendering() -> str:
+    """Return why no image can be made on this machine; an empty string if it can."""
+    from rtf.simulator.errors import RenderingError
+    from rtf.simulator.rendering import rendering_back_end
+
+    try:
+        rendering_back_end()
+    except RenderingError as error:
+        return f"as {error}"
+    return ""
 
 
 def _source(description: Path, package: str, path: Path) -> str:

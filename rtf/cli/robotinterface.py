@@ -140,7 +140,7 @@ def _warn(reading: ReadResult, others: Sequence[str], log: ConsoleLog) -> None:
 
 
 def _draw(reading: ReadResult, picture: Path | None, log: ConsoleLog) -> int:
-    from rtf.robot.interface.plan_drawing import draw_svg, draw_text
+    from rtf.robot.interface.plan import draw_svg, draw_text
 
     print(draw_text(reading.robot), end="", flush=True)
     if picture is not None:

@@ -7,10 +7,12 @@ import resource
 import signal
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf.cli.device import device_record
+from rtf.cli.profiles import profiles_of
 from rtf.testing import journal
 from rtf.testing.suite.model import Isolation, SuiteError, Timeouts
 from rtf.testing.verdict import ExitCode
@@ -122,7 +124,9 @@ def execute(plan: Plan, run: RunOptions, options: argparse.Namespace, launched: 
     if run.resumed:
         changes = run.changes
         broadcast.resume(path, void=(*changes.removed, *changes.changed) if changes else ())
-    code = Run(plan.suites, run, broadcast, launched).execute(plan.diagnostics)
+    facts, said = profiles_of(plan.suites)
+    run = replace(run, facts={**run.facts, **facts})
+    code = Run(plan.suites, run, broadcast, launched).execute([*said, *plan.diagnostics])
     problems = linger_until_asked(reporters)
     for reporter, error in problems:
         print(f"testrunner: reporter {type(reporter).plugin_name} is left behind: {error}", file=sys.stderr)

@@ -396,8 +396,3 @@ def mean_time(times: FloatArray) -> float:
             f"the encoders of joints {int(times.argmin())} and {int(times.argmax())} were read {spread:.3g} s apart"
         )
     return float(times.mean()) if times.size else float("nan")
-
-
-def state_from_interfaces(device: object, state: ExtendedState) -> float:
-    """Fill the state of a device through its interfaces once; :class:`InterfaceState` is for repeated use."""
-    return InterfaceState(device).fill_state(state)

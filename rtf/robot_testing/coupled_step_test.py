@@ -81,8 +81,8 @@ class CoupledStepTest(StepTest):
         if gone.max() > _GREATEST_WAY:
             one = along[int(gone.argmax())]
             raise GuardError(
-                f"{part.names[one]} shares motors with {part.names[joint]}, and moved by {gone.max():.1f} deg during "
-                "the step",
+                f"{part.names[one]} shares motors with {part.names[joint]}, and moved by "
+                f"{part.shown(one, float(gone.max()), '.1f')} during the step",
                 one,
             )
 

@@ -146,8 +146,9 @@ class DutyTest(JointsTest):
                 f"{name} shares motors with {self.names_of(lost)}: its board left it idle together with that one"
             )
         self.assert_fail(
-            f"{name} is not driven: it was excluded and left idle. Its encoder shows {part.board.encoder(joint):.1f} "
-            f"deg, its limits are {part.low[joint]:g} and {part.high[joint]:g} deg; "
+            f"{name} is not driven: it was excluded and left idle. Its encoder shows "
+            f"{part.shown(joint, part.board.encoder(joint), '.1f')}, its limits are "
+            f"{part.shown(joint, part.low[joint], 'g')} and {part.shown(joint, part.high[joint], 'g')}; "
             f"{likely_causes('beyond limit', 'sign')}"
         )
 
@@ -161,14 +162,15 @@ class DutyTest(JointsTest):
         held = yield from self._bring(joint, place)
         if not held:
             self._loose.add(joint)
-            self.report(f"{name} does not reach {place:.1f} deg; it is tested from its rest position")
+            self.report(f"{name} does not reach {self.shown(place, '.1f')}; it is tested from its rest position")
         while not self.enough(joint, found):
             ways = yield from self._drive_both_ways(joint, place, held=held)
             other = self._elsewhere(joint, place, ways)
             if other != place and (yield from self._bring(joint, other)):
                 word = "positive" if ways.stuck > 0 else "negative"
                 self.report(
-                    f"{name} does not move with a {word} duty cycle at {place:.1f} deg: tried at {other:.1f} deg"
+                    f"{name} does not move with a {word} duty cycle at {self.shown(place, '.1f')}: tried at "
+                    f"{self.shown(other, '.1f')}"
                 )
                 place, ways = other, (yield from self._drive_both_ways(joint, other, held=held))
             found.append(ways)
@@ -212,7 +214,9 @@ class DutyTest(JointsTest):
 
     def _drive(self, motor: LimpMotor, sign: float, *, held: bool) -> Routine[Ramp]:
         if not (yield from motor.rest(held=held)):
-            self.inconclusive(_restless(self.robot_part.names[motor.joint], *motor.restless))
+            turned, moved = motor.restless
+            ways = self.robot_part.shown(motor.joint, turned), self.robot_part.shown(motor.joint, moved)
+            self.inconclusive(_restless(self.robot_part.names[motor.joint], turned, moved, ways))
         steps = self._steps_of[motor.joint]
         return (yield from motor.ramp(sign, **steps._asdict(), margin=LIMIT_MARGIN))
 
@@ -224,11 +228,11 @@ class DutyTest(JointsTest):
                 self.record(f"{name} duty cycle", time=(time, "s"), **columns)
 
 
-def _restless(name: str, motor: float, joint: float) -> str:
-    """Return why a motor cannot be judged whose encoders moved by these angles (deg) at rest."""
+def _restless(name: str, motor: float, joint: float, shown: tuple[str, str]) -> str:
+    """Return why a motor cannot be judged whose encoders moved by these angles (deg), as they are shown, at rest."""
     seen = (
-        f"{name} does not come to rest without its controller: within {BASELINE:g} s its motor moves by {motor:.2f} "
-        f"deg and its joint by {joint:.2f} deg, by their encoders"
+        f"{name} does not come to rest without its controller: within {BASELINE:g} s its motor moves by "
+        f"{shown[0]} and its joint by {shown[1]}, by their encoders"
     )
     if min(motor, joint) < LEAST_CREEP:
         word = "joint" if motor < joint else "motor"

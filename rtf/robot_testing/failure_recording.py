@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rtf.robot.extended_state import Field
 from rtf.robot_testing.guard.contacts import CHANNELS, NoForcesError
-from rtf.robot_testing.motion.mode_numbers import LEGEND, mode_numbers
+from rtf.robot_testing.motion.modes import LEGEND, mode_numbers
 
 if TYPE_CHECKING:
     from rtf.middleware.wire.incoming_message import IncomingMessage
@@ -89,5 +89,7 @@ class FailureRecording:
         fields = {name: (states.column(field), unit) for name, field, unit in _KEPT if valid[field]}
         for joint, name in enumerate(self._part.names):
             columns = {what: (values[:, joint], unit) for what, (values, unit) in fields.items()}
+            if "position" in columns:
+                columns["position"] = self._part.column(joint, columns["position"][0])
             columns["mode"] = mode_numbers(modes[:, joint]), ""
             self._test.record(f"{taken.when}: {name}", time=(time, "s"), **columns)

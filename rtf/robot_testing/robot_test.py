@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 import os
 from functools import cached_property
+from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar, NoReturn
+
+import numpy as np
 
 from rtf import clock
 from rtf.errors import RtfError
 from rtf.middleware.clocks.network_clock import CLOCK_VARIABLE, LockstepClock, clock_from_environment
 from rtf.middleware.ports.network import default_network
-from rtf.robot.client.boards import connect
 from rtf.robot.errors import RefusedError, RobotError, StaleStateError
 from rtf.robot_testing.failure_recording import FailureRecording
 from rtf.robot_testing.guard.contacts import ContactWatch, listen_to_forces
@@ -30,18 +32,26 @@ from rtf.robot_testing.motion.part import Part
 from rtf.robot_testing.name_server import await_name_server
 from rtf.robot_testing.parameter_checks import refuse, wrong_lists
 from rtf.robot_testing.robot_name import ROBOT_VARIABLE, robot_model, robot_name
+from rtf.robot_testing.slides import converted, in_unit, open_board, slides_of
+from rtf.robot_testing.thresholds import thresholds_for
 from rtf.simulator.control_client import SimulatorControl
-from rtf.testing import Parameter, TestCase
+from rtf.testing import Parameter, TestCase, Unit
 from rtf.testing.permission import has_permission
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
+    from pathlib import Path
+
+    from numpy.typing import ArrayLike
 
     from rtf.clock import Clock
     from rtf.middleware.ports.network import Network
-    from rtf.robot.client.boards import RemoteBoard
+    from rtf.robot.boards.client import RemoteBoard
     from rtf.robot.interfaces import FloatArray
+    from rtf.robot.model import RobotModel
     from rtf.robot_testing.motion.part import Arrival
+    from rtf.testing.measurement import Measurement
+    from rtf.testing.parameters import Given
     from rtf.testing.session import Session
 
 _DEFAULT_ROBOT = "icubSim"
@@ -58,6 +68,10 @@ class RobotTest(TestCase):
     #: Names of the list parameters whose length has nothing to do with the number of joints.
     not_per_joint: ClassVar[tuple[str, ...]] = ()
     limits: ClassVar[Limits] = Limits()
+    #: Whether it leaves out joints without torque control.
+    torque_control: ClassVar[bool] = False
+    #: The tables of ``[sensors]`` in robot.toml of which it judges all sensors.
+    judged_sensors: ClassVar[tuple[str, ...]] = ()
 
     robot = Parameter(str, "name of the robot; without it --robotname of the suite, or that of the fixture", default="")
     check_moves = Parameter(
@@ -73,7 +87,23 @@ class RobotTest(TestCase):
     network: Network
     clock: Clock
     _parts: dict[str, Part]
+    _slides: Mapping[str, float] = MappingProxyType({})  # metres a degree of prismatic joints of opened parts
     _may_move = False
+
+    def profile(self, folder: str) -> Iterable[Given]:
+        return thresholds_for(type(self), robot_model(self), folder)
+
+    def subjects(self, robot: RobotModel) -> list[str]:
+        """Return what the test judges of a robot, by its parameters: names of joints, and keys of sensors."""
+        found = [
+            key for key in robot.sensor_keys for kind in self.judged_sensors if f"{key}.".startswith(f"sensors.{kind}.")
+        ]
+        values = self.parameter_values()
+        if values.get("part") in robot.parts:
+            axes, chosen = robot.parts[values["part"]].axes, values.get("joints")
+            wanted = [axis for place, axis in enumerate(axes) if not isinstance(chosen, list) or place in chosen]
+            found += [axis.name for axis in wanted or axes if axis.torque_control or not self.torque_control]
+        return found
 
     def check_parameters(self, folder: str) -> None:
         super().check_parameters(folder)
@@ -123,9 +153,8 @@ class RobotTest(TestCase):
         self.network = default_network()
         await_name_server(self.network, self.warn)
         self._report_other_robot()
-        model = robot_model(self)
-        if model.profile == "unvalidated":
-            self.report(f"the thresholds of {model.name} are not validated: {model.folder} says so")
+        if unvalidated := robot_model(self).unvalidated:
+            self.report(unvalidated)
         self._parts = {}
         self.clock = clock_from_environment(self.network)
         used = clock.use(self.clock)
@@ -224,7 +253,12 @@ class RobotTest(TestCase):
             raise RobotError(f"it could not be restored after an earlier test, and is not moved: {reason}")
         if moves and not is_simulated(self.network, self.robot_name, name):
             self._ask_for_permission()  # a simulator answers for the robot, but does not serve this part
-        board = (connect if moves else connect_read_only)(place, carrier=self._carrier, network=self.network)
+        if moves:
+            slides = slides_of(robot_model(self), name)
+            board = open_board(place, slides, carrier=self._carrier, network=self.network)
+            self._slides = {**self._slides, **slides}
+        else:
+            board = connect_read_only(place, carrier=self._carrier, network=self.network)
         self.add_cleanup(board.close)
         self._await_state(board)
         guard = forces = None
@@ -314,11 +348,48 @@ class RobotTest(TestCase):
         if arrival.reached:
             return
         late = [
-            f"{part.names[joint]} is at {where:.2f} deg, not {target:.2f}"
+            f"{part.names[joint]} is at {part.shown(joint, where)}, not {part.shown(joint, target)}"
             for joint, where, target in zip(joints, arrival.positions, targets, strict=True)
             if not abs(where - target) <= arrival.tolerance
         ]
         self.assert_error(f"{part.name} did not reach {goal} within {arrival.seconds:.1f} s: {'; '.join(late)}")
+
+    # Units of prismatic joints -----------------------------------------------------------------------------------
+
+    def _metres(self) -> float | None:
+        """Return the metres that stand for a degree, in the sub-result of a prismatic joint; else None."""
+        if not self._slides:
+            return None
+        named = [f"{word} " for word in self._session.subject.split("/")]  # such as "lift" and "lift single"
+        return next((size for name, size in self._slides.items() if any(w.startswith(f"{name} ") for w in named)), None)
+
+    def shown(self, degrees: float, spec: str = ".2f", rate: str = "") -> str:
+        """Return a position, distance or speed (``rate`` "/s") of the sub-result's joint as text, in its unit."""
+        return in_unit(self._metres(), degrees, spec, rate)
+
+    def measure(
+        self,
+        name: str,
+        value: float,
+        symbol: str | Unit = Unit.NONE,
+        low: float | None = None,
+        high: float | None = None,
+        marginal: float | None = None,
+        hint: str = "",
+    ) -> Measurement:
+        """See TestCase. Values in degrees of a prismatic joint, in its sub-result, are reported in metres."""
+        factor, symbol = converted(self._metres(), str(symbol))
+        low, high, marginal = (None if one is None else one * factor for one in (low, high, marginal))
+        return super().measure(name, value * factor, symbol, low, high, marginal, hint)
+
+    def record(self, name: str, /, **columns: tuple[ArrayLike, str | Unit]) -> Path:
+        """See TestCase. Likewise."""
+        metres, given = self._metres(), dict(columns)
+        if metres is not None:
+            for column, (data, unit) in columns.items():
+                factor, symbol = converted(metres, str(unit))
+                given[column] = np.asarray(data) * factor, symbol
+        return super().record(name, **given)
 
     # Time --------------------------------------------------------------------------------------------------------
 

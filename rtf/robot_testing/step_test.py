@@ -23,6 +23,7 @@ from rtf.robot_testing.judging.step_response import EXPLAINED, FEWEST, largest, 
 from rtf.robot_testing.motion.routines import pause, run_queues
 from rtf.robot_testing.motion.start_position import bringing, holding, starting_point
 from rtf.robot_testing.robot_test import RobotTest
+from rtf.robot_testing.slides import in_metres
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -284,11 +285,12 @@ class StepTest(RobotTest):
 
     def _judge_early_end(self, joint: int, after: float) -> None:
         """Fail a joint that has moved too far before its step could be judged."""
+        here = self.robot_part.shown(joint, self.robot_part.board.encoder(joint), ".1f")
         self.assert_true(
             after >= self.shortest,
             f"{self.robot_part.names[joint]} moved too far "
             f"{'before the step' if math.isnan(after) else f'{after:.2f} s after the step'}: it is at "
-            f"{self.robot_part.board.encoder(joint):.1f} deg; {likely_causes('torque answer')}",
+            f"{here}; {likely_causes('torque answer')}",
         )
 
     def _record(self, joint: int, cycles: list[Cycle]) -> None:
@@ -312,6 +314,7 @@ class StepTest(RobotTest):
         if late and punctual and any(value.wrong for value in values):
             self.report(f"{name}: {late[0]}: {len(late)} of {len(cycles)} steps are not judged")
             values, late = self.values(joint, punctual), []
+        values = [value.scaled(in_metres(self.robot_part.board, joint)) for value in values]
         judge_values(self, name, values, late[0] if late else "")
         self._require_visible_step(name, cycles)
 

@@ -16,7 +16,7 @@ from rtf.robot_testing.motion.routines import pause, run_to_end
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rtf.robot.client.boards import RemoteBoard
+    from rtf.robot.boards.client import RemoteBoard
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.motion.part import Part
     from rtf.robot_testing.motion.routines import Routine

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rtf.robot.battery import FULL, BatteryReading, status_of
 from rtf.robot.device import Device
 from rtf.robot.errors import DeviceError
 from rtf.robot.interfaces import BatteryStatus, IBattery
+from rtf.robot.sensors.battery import FULL, BatteryReading, status_of
+from rtf.simulator.attachment import simulating
 from rtf.simulator.board_state import AMBIENT
 from rtf.simulator.position_gains import FULL as FULL_DUTY
-from rtf.simulator.robot_devices import simulation_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -122,24 +122,23 @@ class SimulatedBattery(Device, IBattery):
 class SimulatedBatteryDevice(Device, IBattery):
     """``simulatedBattery``: the battery of the simulated robot that it is attached to, as ``[sensors.battery]`` has it.
 
-    The battery is charged when the device is attached. The simulation runs in another thread: two methods may return
+    The battery is charged when the robot is opened. The simulation runs in another thread: two methods may return
     values of two measurements.
     """
 
     _battery: SimulatedBattery | None = None
 
     def open(self, configuration: Property) -> None:
-        """Do nothing: ``attach`` makes the battery."""
+        """Do nothing: the simulated robot has the battery."""
 
     def attach(self, devices: Mapping[str, Device]) -> None:
         """Attach the battery to a simulated robot. Raises DeviceError if the robot does not have one."""
-        simulation = simulation_of(self, devices)
-        robot = simulation.plant.robot
-        if robot.sensors.battery is None:
+        attached = simulating(self, devices)
+        found = attached.devices(SimulatedBattery)
+        if not found:
+            robot = attached.simulation.plant.robot
             raise DeviceError(f"{self.name}: {robot.name} has no battery; see [sensors.battery] in {robot.folder}")
-        with simulation.lock:
-            self._battery = SimulatedBattery(robot.sensors.battery, simulation)
-            simulation.publish_regularly(self._battery)
+        (self._battery,) = found.values()
 
     def detach(self) -> None:
         self._battery = None

@@ -1,4 +1,4 @@
-"""Pictures from the robot's eyes, and from a camera in front of the robot.
+"""Pictures and depths from the robot's eyes, and from a camera in front of the robot.
 
 Cost in software, for 320x240: a few milliseconds with the light covers that ``Options(cameras=True)`` gives; shadows
 would make it a hundred.
@@ -63,13 +63,32 @@ class Camera:
 
         ``data`` must have been forwarded, and must not be stepped meanwhile.
         """
+        self._draw(data)
+        mujoco().mjr_readPixels(self._pixels, None, self._area, self._context)
+        return np.ascontiguousarray(self._pixels[::-1])
+
+    def render_depth(self, data: Any) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        """Render a picture, and the depth of its pixels along the optical axis in m, shape (height, width).
+
+        Where nothing is in sight the depth is that of the far plane of the model.
+        """
+        engine = mujoco()
+        self._context.readDepthMap = engine.mjtDepthMap.mjDEPTH_ZEROFAR
+        self._draw(data)
+        buffer = np.empty((self.height, self.width), dtype=np.float32)
+        engine.mjr_readPixels(self._pixels, buffer, self._area, self._context)
+        # The buffer has 1 at the near plane, 0 at the far one, and is linear in 1 / depth.
+        extent, planes = float(self._model.stat.extent), self._model.vis.map
+        near, far = float(planes.znear) * extent, float(planes.zfar) * extent
+        depth = near * far / (buffer[::-1].astype(np.float64) * (far - near) + near)
+        return np.ascontiguousarray(self._pixels[::-1]), depth.astype(np.float32)
+
+    def _draw(self, data: Any) -> None:
         engine = mujoco()
         self._gl.make_current()
         everything = engine.mjtCatBit.mjCAT_ALL
         engine.mjv_updateScene(self._model, data, self._option, None, self._view, everything, self._scene)
         engine.mjr_render(self._area, self._scene, self._context)
-        engine.mjr_readPixels(self._pixels, None, self._area, self._context)
-        return np.ascontiguousarray(self._pixels[::-1])
 
     def field_of_view(self) -> tuple[float, float]:
         """The horizontal and the vertical field of view, in deg."""

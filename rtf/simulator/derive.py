@@ -12,6 +12,7 @@ import numpy as np
 from rtf.robot.errors import RefusedError
 from rtf.robot.model.description import fix_root, load_description, read_joints, repair, unusable_meshes, urdf_joints
 from rtf.robot.model.engine import mujoco
+from rtf.robot.model.reader import SHARE
 from rtf.simulator.position_gains import BANDWIDTH
 
 if TYPE_CHECKING:
@@ -29,16 +30,17 @@ _POSES = 200
 _ROTOR = 0.3
 #: Without an effort in the description: this many times the greatest torque of gravity, and at least this (Nm, N).
 _STRENGTH, _WEAKEST = 3.0, 0.1
-#: The acceleration (rad/s2, m/s2) that a drive gives its rotor at most: with more, a per cent of duty cycle is a blow.
+#: The acceleration (rad/s2, or what stands for it on a slide) that a drive gives its rotor at most: with more, a per
+#: cent of duty cycle is a blow.
 _WILD = 5000.0
 #: Dry friction as a share of the torque, and viscous friction as a share of the torque at the greatest speed.
 _DRY, _VISCOUS = 0.02, 0.05
-#: The position loop overcomes a dry friction with this error (rad, m), and a viscous one of this share of its damping.
+#: The position loop overcomes a dry friction with this error (rad), and a viscous one of this share of its damping.
 _SLACK, _SHARE = 0.008, 0.1
 #: Friction of a description that is this many times as great is that of another simulator.
 _LOST = 5.0
-#: Limits of a joint without any (deg), and the speed up to which a robot on a bench is moved (deg/s, m/s).
-_TURN, _FAST, _FAST_SLIDE = 180.0, 180.0, 0.25
+#: Limits of a joint without any (deg, m), and the speed up to which a robot on a bench is moved (deg/s, m/s).
+_TURN, _SLIDE, _FAST, _FAST_SLIDE = 180.0, 0.1, 180.0, 0.25
 
 
 @dataclass(slots=True)
@@ -79,7 +81,7 @@ def draft(name: str, description: Path, source: str) -> Draft:
         rows = [_joint(joint, loads, places[joint.name], assumed, slowed) for joint in members]
         parts.append(f"[parts.{part}.joints]\n" + "\n".join(rows) + "\n")
     if slowed:
-        assumed.append(f"at most {_FAST:g} deg/s, {_FAST_SLIDE:g} m/s, as on a bench: {', '.join(slowed)}")
+        assumed.append(f"at most {_FAST:g} deg/s, on a slide {_FAST_SLIDE:g} m/s, as on a bench: {', '.join(slowed)}")
     away = np.round(loads.centre + np.array([1.4, 1.0, 0.5]) * max(loads.extent, 0.3), 3)
     listed = "\n".join(f"    {_quoted(line)}," for line in assumed)
     text = _HEAD.format(name=name, source=source, assumed=listed) + "\n" + "\n".join(parts)
@@ -114,6 +116,10 @@ overload_current = 15.0
 [defaults]
 motor = "assumed"
 gearbox = 100.0
+
+[thresholds.JointLimits]  # drives that carry much of their torque need the rest to reach a limit
+origin = "unvalidated"
+outputLimitPercent = 95
 """
 
 
@@ -136,7 +142,9 @@ def _general_assumptions(description: Path, mimics: Sequence[str]) -> list[str]:
 def _joint(joint: JointDescription, loads: _Loads, place: int, assumed: list[str], slowed: list[str]) -> str:
     """Return the line of a joint."""
     words = []
-    low, high = joint.limits or (-_TURN, _TURN)
+    most_way = _SLIDE if joint.prismatic else _TURN
+    low, high = joint.limits or (-most_way, most_way)
+    radian = math.degrees(SHARE * (high - low)) if joint.prismatic else 1.0  # m that stand for one
     if joint.limits is None:
         words.append(f"limits = [{low}, {high}]")
         assumed.append(f"{joint.name}: it has no limits; {low:g} to {high:g}")
@@ -147,19 +155,19 @@ def _joint(joint: JointDescription, loads: _Loads, place: int, assumed: list[str
         reason = f"less than gravity needs ({need:.3g})" if joint.effort else "none"
         assumed.append(f"{joint.name}: its effort in the description is {joint.effort or 0:g}, {reason}; {torque:g}")
         words.append(f"max_torque = {torque}")
-    most = max(_STRENGTH * need, _WILD * _ROTOR * float(loads.inertia[place]))
+    most = max(_STRENGTH * need, _WILD * radian * _ROTOR * float(loads.inertia[place]))
     if torque > 2 * most:
         assumed.append(f"{joint.name}: {most:.3g} in place of its effort of {torque:g}, for the inertia of its links")
         torque = float(f"{most:.3g}")
         words.append(f"max_torque = {torque}")
-    fast = _FAST_SLIDE if joint.prismatic else _FAST
+    fast = min(_FAST_SLIDE, math.radians(_FAST) * radian) if joint.prismatic else _FAST
     speed = joint.max_velocity or fast / 2
     if speed > fast:
         slowed.append(joint.name)
         speed = fast
     words.append(f"max_velocity = {speed:.6g}")
     words.append(f"armature = {max(_ROTOR * float(loads.inertia[place]), joint.armature):.3g}")
-    friction, damping = _friction(joint, torque, speed, _ROTOR * float(loads.inertia[place]), assumed)
+    friction, damping = _friction(joint, torque, speed, (_ROTOR * float(loads.inertia[place]), radian), assumed)
     words.append(f"friction = {friction:.3g}")
     words.append(f"damping = {damping:.3g}")
     if joint.prismatic:
@@ -169,11 +177,15 @@ def _joint(joint: JointDescription, loads: _Loads, place: int, assumed: list[str
 
 
 def _friction(
-    joint: JointDescription, torque: float, speed: float, inertia: float, assumed: list[str]
+    joint: JointDescription, torque: float, speed: float, rotor: tuple[float, float], assumed: list[str]
 ) -> tuple[float, float]:
-    """Return dry (Nm, N) and viscous friction: the description's, unless a position loop could not overcome it."""
+    """Return dry (Nm, N) and viscous friction: the description's, unless a position loop could not overcome it.
+
+    ``rotor`` is its inertia, and what stands for a radian: 1, or the metres of a slide.
+    """
+    inertia, radian = rotor
     swing = 2 * math.pi * BANDWIDTH
-    most_dry, most_viscous = _SLACK * inertia * swing**2, 2 * _SHARE * inertia * swing
+    most_dry, most_viscous = _SLACK * radian * inertia * swing**2, 2 * _SHARE * inertia * swing
     dry = min(_DRY * torque, most_dry)
     viscous = min(_VISCOUS * torque / (speed if joint.prismatic else math.radians(speed)), most_viscous)
     if joint.friction > _LOST * most_dry or joint.damping > _LOST * most_viscous:

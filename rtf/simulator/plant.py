@@ -35,7 +35,7 @@ import numpy as np
 from rtf.robot.model.description import fix_root, load_description
 from rtf.robot.model.engine import mujoco
 from rtf.robot.model.errors import RobotModelError
-from rtf.simulator import collisions, model_sensors, scene
+from rtf.simulator import collisions, model_sensors, scene, workspace
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -70,6 +70,7 @@ class Options:
     friction: bool = True
     damping: bool = True
     timestep: float = TIMESTEP  # s
+    workspace: bool = False  # with cameras: a drawing of the robot's workspace
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,6 +146,7 @@ def build(robot: RobotModel, options: Options | None = None) -> Plant:
     _set_joints(spec, robot, options)
     _add_actuators(spec, robot)
     model_sensors.add_sensors(spec, robot)
+    workspace.add_points(spec, robot)
     _shape(spec, robot, published, attached, options)
     moving = {joint.parent.name for joint in spec.joints}
     fixed = {robot.body.root, *(sensor.link for sensor in robot.sensors.force_torque.values())}
@@ -277,6 +279,8 @@ def _shape(spec: Any, robot: RobotModel, published: list[Any], attached: list[An
         for geom in own:
             collisions.make_solid(geom, *bits[id(geom)])
     if options.cameras:
+        if options.workspace:
+            workspace.draw(spec, robot, 2 * math.dist(robot.scene.outside, robot.scene.centre))
         scene.add_scene(spec, robot.scene, published, attached, keep_meshes=options.collision == "hulls")
 
 

@@ -17,7 +17,7 @@ from rtf.middleware.naming import configuration
 from rtf.middleware.ports.access import Access
 from rtf.middleware.ports.remote import exists
 from rtf.middleware.wire.contact import Contact
-from rtf.robot.client.boards import REQUESTS
+from rtf.robot.boards.client import REQUESTS
 from rtf.robot.interface.signals import signal_listener
 from rtf.simulator.control_client import control_port
 from rtf.simulator.errors import RenderingError

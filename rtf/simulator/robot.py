@@ -5,11 +5,11 @@ from __future__ import annotations
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, Self
 
-from rtf.robot.battery import BatteryServer
-from rtf.robot.server.analog import AnalogServer
-from rtf.robot.server.analog_sensors import AnalogSensorsServer
-from rtf.robot.server.board_server import serve_board
-from rtf.robot.server.inertial import InertialServer
+from rtf.robot.boards.server import ControlBoardServer
+from rtf.robot.sensors.analog import AnalogServer
+from rtf.robot.sensors.analog_sensors import AnalogSensorsServer
+from rtf.robot.sensors.battery import BatteryServer
+from rtf.robot.sensors.inertial import InertialServer
 from rtf.simulator.angle_sensors import SimulatedAngles
 from rtf.simulator.battery import BATTERY_PERIOD, SimulatedBattery
 from rtf.simulator.kinematic_part import KinematicPart
@@ -19,13 +19,16 @@ from rtf.simulator.simulated_outlets import SimulatedOutlets
 from rtf.simulator.simulated_sensors import SimulatedForceTorque, SimulatedForceTorques, SimulatedImu
 from rtf.simulator.simulation import Simulation
 from rtf.simulator.simulation_clock import CLOCK, serve_time
+from rtf.simulator.skin import SKIN_PERIOD, SimulatedSkin
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from rtf.middleware.ports.network import Network
+    from rtf.robot.device import Device
     from rtf.robot.model import RobotModel
     from rtf.robot.periodic_thread import Publisher
+    from rtf.simulator.depth_cameras import SimulatedDepthCamera
     from rtf.simulator.simulated_cameras import SimulatedCamera
 
 #: States of each part and pictures a second, unless others are asked for.
@@ -43,12 +46,15 @@ class SimulatedRobot:
     ``/NAME/PORT/analog:o``        each force-torque sensor, six numbers, and each group of sensors of joint angles
     ``/NAME/FTs/measures:o``       all force-torque sensors in one message, and ``rpc:o``
     ``/NAME/PORT``                 each inertial unit, twelve numbers; ``/NAME/PORT/measures:o`` and ``rpc:o``
+    ``/NAME/PORT`` …               each patch of skin, twelve numbers a triangle, and ``rpc:i``
     ``/NAME/PORT/data:o`` …        the battery, and ``rpc:i``
     ``/NAME/PORT``                 each camera, with ``cameras``
+    ``/NAME/PORT/rgbImage:o`` …    each depth camera, likewise: ``depthImage:o``, ``rpc:i``
     ``/clock``                     the time: published, and served in lockstep
     ============================== ================================================================================
 
-    ``model`` says which parts and sensors there are, and the names of their ports. ``lockstep``: time passes only while
+    ``serve`` False: without the ports of parts and sensors, which others serve; only the clock is served. ``model``
+    says which parts and sensors there are, and the names of their ports. ``lockstep``: time passes only while
     all participants wait for it; otherwise by itself, ``factor`` times as fast as the machine's clock (None: as fast as
     possible). The ``dialect`` of the network selects the protocol. The rates (Hz) are those of the parts' states and of
     the pictures.
@@ -69,10 +75,12 @@ class SimulatedRobot:
         camera_rate: float = CAMERA_RATE,
         options: Options | None = None,
         clock: str = CLOCK,
+        serve: bool = True,
     ) -> None:
         self.model = model
         self.name = (name or model.simulated_name).strip("/")
         self.network = network
+        self._serves = serve
         self.simulation = Simulation(
             build(model, options or Options(cameras=cameras)), seed=seed, factor=None if lockstep else factor
         )
@@ -87,10 +95,14 @@ class SimulatedRobot:
             for name, settings in model.sensors.angles.items()
         }
         self.imus = {sensor.port: SimulatedImu(sensor, self.simulation) for sensor in plant.imus}
+        self.skin = {
+            name: SimulatedSkin(name, settings, self.simulation) for name, settings in model.sensors.skin.items()
+        }
         battery = model.sensors.battery
         self.battery = None if battery is None else SimulatedBattery(battery, self.simulation)
         self._state_period, self._camera_period = 1 / state_rate, 1 / camera_rate
         self.cameras: dict[str, SimulatedCamera] = {}
+        self.depth_cameras: dict[str, SimulatedDepthCamera] = {}
         with ExitStack() as opened:
             self._open(opened, lockstep=lockstep, cameras=cameras, clock=clock)
             self._opened = opened.pop_all()
@@ -103,7 +115,7 @@ class SimulatedRobot:
     def _open(self, opened: ExitStack, *, lockstep: bool, cameras: bool, clock: str) -> None:
         """Open all ports, the clock last, as the time begins with it."""
         for part, board in self.parts.items():
-            self._serve(opened, serve_board, board, part, self._state_period)
+            self._serve(opened, ControlBoardServer, board, part, self._state_period)
         for place, sensor in self.force_torques.items():
             self._serve(opened, AnalogServer, sensor, f"{place}/analog:o", SENSOR_PERIOD)
         for place, angles in self.angles.items():
@@ -114,6 +126,8 @@ class SimulatedRobot:
         for place, imu in self.imus.items():
             self._serve(opened, InertialServer, imu, place, SENSOR_PERIOD)
             self._serve(opened, AnalogSensorsServer, imu, place, SENSOR_PERIOD)
+        for patch in self.skin.values():
+            self._serve(opened, AnalogServer, patch, patch.settings.port, SKIN_PERIOD)
         if self.battery is not None:
             self.simulation.publish_regularly(self.battery)
             self._serve(opened, BatteryServer, self.battery, self.battery.settings.port, BATTERY_PERIOD)
@@ -124,6 +138,8 @@ class SimulatedRobot:
         self.simulation.settle.append(self._settle)
 
     def _serve(self, opened: ExitStack, server: Callable[..., Any], device: object, name: str, period: float) -> None:
+        if not self._serves:
+            return
         made: Publisher = server(
             device, f"/{self.name}/{name}", network=self.network, period=period, outlets=self.outlets
         )
@@ -131,13 +147,26 @@ class SimulatedRobot:
         self.simulation.publish_regularly(made)
 
     def _open_cameras(self, opened: ExitStack) -> None:
-        from rtf.robot.server.frame_grabber import FrameGrabberServer
+        from rtf.robot.sensors.camera import FrameGrabberServer
+        from rtf.robot.sensors.rgbd import RgbdServer
+        from rtf.simulator.depth_cameras import SimulatedDepthCamera
         from rtf.simulator.simulated_cameras import SimulatedCamera
 
         for name, settings in self.model.sensors.cameras.items():
             camera = self.cameras[name] = SimulatedCamera(settings.camera, self.simulation)
             opened.callback(camera.close)
             self._serve(opened, FrameGrabberServer, camera, settings.port, self._camera_period)
+        for name, described in self.model.sensors.depth_cameras.items():
+            depths = self.depth_cameras[name] = SimulatedDepthCamera(name, described, self.simulation)
+            opened.callback(depths.close)
+            self._serve(opened, RgbdServer, depths, described.port, self._camera_period)
+
+    @property
+    def devices(self) -> dict[str, Device]:
+        """Its sensors, skin, cameras and battery by the names of the model; the battery is "battery"."""
+        sensors: list[Device] = [*self.force_torques.values(), *self.imus.values()]
+        found = {one.name: one for one in sensors} | dict(self.skin) | dict(self.cameras) | dict(self.depth_cameras)
+        return found if self.battery is None else {**found, "battery": self.battery}
 
     def _settle(self) -> None:
         if self.clock.participants:

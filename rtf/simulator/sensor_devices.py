@@ -9,8 +9,8 @@ from rtf.bottle import as_string
 from rtf.robot.device import Device
 from rtf.robot.errors import DeviceError
 from rtf.robot.interfaces import IAnalogSensor, IMultipleAnalogSensors
-from rtf.robot.measurements import IMeasurementsSource
-from rtf.simulator.robot_devices import simulation_of
+from rtf.robot.sensors.measurements import IMeasurementsSource
+from rtf.simulator.attachment import SimulatingDevice, simulating
 from rtf.simulator.simulated_sensors import SimulatedForceTorque, SimulatedForceTorques, SimulatedImu
 
 if TYPE_CHECKING:
@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 
     from rtf.bottle import Property
     from rtf.robot.interfaces import SensorCategory, SensorInfo, SensorReading, SensorStatus
-    from rtf.robot.sensor_message import Measurements
-    from rtf.simulator.simulation import Simulation
+    from rtf.robot.sensors.measurements import Measurements
 
 S = TypeVar("S", SimulatedForceTorques, SimulatedImu)
 
@@ -30,15 +29,15 @@ class _AttachedSensors(Device, IMultipleAnalogSensors, IMeasurementsSource, Gene
     _sensors: S | None = None
 
     @abstractmethod
-    def _make(self, simulation: Simulation) -> S:
-        """Return the sensors. Raises DeviceError if the robot does not have them."""
+    def _make(self, robot: SimulatingDevice) -> S:
+        """Return the robot's sensors, with their faults. Raises DeviceError if it does not have them."""
 
     def open(self, configuration: Property) -> None:
         """Do nothing: ``attach`` makes the sensors."""
 
     def attach(self, devices: Mapping[str, Device]) -> None:
         """Attach the sensors to a simulated robot."""
-        self._sensors = self._make(simulation_of(self, devices))
+        self._sensors = self._make(simulating(self, devices))
 
     def detach(self) -> None:
         self._sensors = None
@@ -77,14 +76,14 @@ class SimulatedImuDevice(_AttachedSensors[SimulatedImu]):
     def open(self, configuration: Property) -> None:
         self._name = as_string(configuration.get("sensor", ""))
 
-    def _make(self, simulation: Simulation) -> SimulatedImu:
-        known = {sensor.name: sensor for sensor in simulation.plant.imus}
+    def _make(self, robot: SimulatingDevice) -> SimulatedImu:
+        known = robot.devices(SimulatedImu)
         name = self._name or next(iter(known), "")
         if name not in known:
             raise DeviceError(
                 f"{self.name}: the robot has no inertial unit {name!r}; it has {', '.join(known) or 'none'}"
             )
-        return SimulatedImu(known[name], simulation)
+        return known[name]
 
 
 class SimulatedForceTorqueDevice(_AttachedSensors[SimulatedForceTorques], IAnalogSensor):
@@ -96,12 +95,12 @@ class SimulatedForceTorqueDevice(_AttachedSensors[SimulatedForceTorques], IAnalo
     def open(self, configuration: Property) -> None:
         self._name = as_string(configuration.find("sensor"))
 
-    def _make(self, simulation: Simulation) -> SimulatedForceTorques:
-        known = {sensor.name: sensor for sensor in simulation.plant.ft_sensors}
+    def _make(self, robot: SimulatingDevice) -> SimulatedForceTorques:
+        known = robot.devices(SimulatedForceTorque)
         if self._name not in known:
             raise DeviceError(f"{self.name}: the robot has no sensor {self._name!r}; it has {', '.join(known)}")
-        self._sensor = SimulatedForceTorque(known[self._name], simulation)
-        return SimulatedForceTorques((self._sensor,), simulation)
+        self._sensor = known[self._name]
+        return SimulatedForceTorques((self._sensor,), robot.simulation)
 
     def _single(self) -> SimulatedForceTorque:
         self._attached()

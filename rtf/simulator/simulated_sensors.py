@@ -22,14 +22,14 @@ from rtf.robot.interfaces import (
     SensorReading,
     SensorStatus,
 )
-from rtf.robot.measurements import IMeasurementsSource, not_well
+from rtf.robot.sensors.measurements import IMeasurementsSource, not_well
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from rtf.bottle import Property
     from rtf.robot.interfaces import FloatArray
-    from rtf.robot.sensor_message import Measurements
+    from rtf.robot.sensors.measurements import Measurements
     from rtf.simulator.model_sensors import FtSensor, ImuSensor
     from rtf.simulator.simulation import Simulation
 

@@ -7,7 +7,8 @@ A declaration is a class attribute, and reading it from an object gives the valu
         joints = Parameter(list[int], "joints to test", default=[0, 1, 2, 3])
         speed = Parameter(list[float], "reference speeds", unit="deg/s", default=20.0, low=1.0, length="joints")
 
-Later layers win: defaults, the file of ``--from``, the suite's ``param``, its ``<parameter>`` elements, ``--set``.
+Later layers win: defaults, the profile of the thing under test (:meth:`Declared.profile`), the file of ``--from``, the
+suite's ``param``, its ``<parameter>`` elements, ``--set``.
 Each value remembers which it came from. A key that nobody declared, a value of the wrong type, out of range or of the
 wrong length is an error that names the place; all of them are told in one go.
 """
@@ -289,7 +290,8 @@ class Declared:
         self.parameter_warnings = tuple(text for text in map(str, found.diagnostics) if text not in lost)
         source = f"param of {place}" if place else "param"
         words = self._loose_words(param, source, lost)
-        rows = _Filling(self, declared, lost).fill([*words, *_layers(found, parameters, overrides, place)])
+        layers = [*self.profile(folder), *words, *_layers(found, parameters, overrides, place)]
+        rows = _Filling(self, declared, lost).fill(layers)
         self.check_parameters(folder)
         return rows
 
@@ -307,6 +309,14 @@ class Declared:
     def suite_value(self, key: str) -> str:
         """What the environment string of the suite says of a key, such as ``robotname``; empty without it."""
         return as_string(self._suite_values.find(key)) if self._suite_values is not None else ""
+
+    def profile(self, folder: str) -> Iterable[Given]:  # noqa: ARG002 - for overrides
+        """Return values that the thing under test has in place of the defaults; all other layers win over them.
+
+        Called when the environment of the suite is known. ``folder`` is the suite's. An override may raise what says
+        why they cannot be read.
+        """
+        return ()
 
     def check_parameters(self, folder: str) -> None:
         """Refuse values that cannot work together, before anything starts; called when all are filled.

@@ -11,7 +11,7 @@ from rtf import clock
 from rtf.middleware.clocks.network_clock import LockstepClock
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
-from rtf.robot.client.boards import connect
+from rtf.robot.boards.client import connect
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.model import load_robot
 from rtf.robot.model.engine import mujoco

@@ -28,10 +28,10 @@ from rtf.middleware.ports.port import Port
 from rtf.middleware.ports.rpc import RpcClient
 from rtf.middleware.types import Stamp
 from rtf.middleware.wire.contact import Contact
-from rtf.robot.client.analog import AnalogClient
-from rtf.robot.client.analog_sensors import AnalogSensorsClient
-from rtf.robot.client.boards import connect
-from rtf.robot.client.inertial import InertialClient
+from rtf.robot.boards.client import connect
+from rtf.robot.sensors.analog import AnalogClient
+from rtf.robot.sensors.analog_sensors import AnalogSensorsClient
+from rtf.robot.sensors.inertial import InertialClient
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

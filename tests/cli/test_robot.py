@@ -45,7 +45,7 @@ def test_the_shipped_robots_are_listed_and_in_order(tmp_path: Path):
 
 
 def test_a_picture_is_drawn(tmp_path: Path):
-    """With something on it."""
+    """Of the robot in each pose, with its workspace."""
     from PIL import Image
 
     from rtf.simulator.errors import RenderingError
@@ -55,10 +55,18 @@ def test_a_picture_is_drawn(tmp_path: Path):
         rendering_back_end()
     except RenderingError as error:
         pytest.skip(str(error))
-    assert robot(tmp_path, "check", "bench", "--picture", "bench.png").returncode == 0
+    bench = find_robot("bench").parent
+    (tmp_path / "bench.xml").write_text((bench / "bench.xml").read_text(encoding="utf-8"), encoding="utf-8")
+    text = (bench / "robot.toml").read_text(encoding="utf-8")
+    text += "[workspace]\nbox = { low = [-0.5, -0.3, 0], high = [0.5, 0.3, 1] }\n[safe.folded]\nelbow = 120\n"
+    (tmp_path / "robot.toml").write_text(text, encoding="utf-8")
+    checked = robot(tmp_path, "check", "./robot.toml", "--picture", "bench.png")
+    assert checked.returncode == 0, checked.stdout + checked.stderr
     picture = Image.open(tmp_path / "bench.png").convert("RGB")
+    assert picture.size == (1280, 480), "home, and folded beside it"
     colours = [picture.getpixel((x, y)) for x in range(0, 640, 4) for y in range(0, 480, 4)]
-    assert any(red > 150 and blue < 80 for red, _, blue in colours), "the upper arm is orange"
+    assert any(red > 150 and blue < 80 < green for red, green, blue in colours), "the upper arm is orange"
+    assert any(red > 120 and max(green, blue) < 60 for red, green, blue in colours), "the workspace is red"
 
 
 def test_a_weak_or_touching_robot_is_not_in_order(tmp_path: Path):
@@ -73,6 +81,25 @@ def test_a_weak_or_touching_robot_is_not_in_order(tmp_path: Path):
     assert "shoulder: gravity takes" in checked.stdout
     assert "touch in the home pose" in checked.stdout
     assert "NOT IN ORDER" in checked.stdout
+
+
+def test_poses_outside_of_the_workspace_are_not_in_order(tmp_path: Path):
+    """The point, the plane and the pose are named; home within it is no problem; an unknown link is told."""
+    bench = find_robot("bench").parent
+    (tmp_path / "bench.xml").write_text((bench / "bench.xml").read_text(encoding="utf-8"), encoding="utf-8")
+    text = (bench / "robot.toml").read_text(encoding="utf-8")
+    text += "[workspace]\nbox = { low = [-0.3, -0.3, 0], high = [0.3, 0.3, 1] }\n[safe.stretched]\nshoulder = 90\n"
+    (tmp_path / "robot.toml").write_text(f"{text}elbow = 0\n", encoding="utf-8")
+    checked = robot(tmp_path, "check", "./robot.toml")
+    assert checked.returncode == 0, "the origins of the links count, and stay within"
+    tip = "[workspace.points]\ntip = { link = 'fore', position = [0, 0, -0.22], radius = 0.02 }\n"
+    (tmp_path / "robot.toml").write_text(f"{text}elbow = 0\n{tip}", encoding="utf-8")
+    checked = robot(tmp_path, "check", "./robot.toml")
+    assert checked.returncode == 1
+    assert "problem: tip is 190 mm beyond least x of the workspace in the safe pose stretched" in checked.stdout
+    assert "in the home pose" not in checked.stdout
+    (tmp_path / "robot.toml").write_text(f"{text}{tip.replace('fore', 'four')}", encoding="utf-8")
+    assert "'four'; its links are post, upper, fore" in robot(tmp_path, "check", "./robot.toml").stderr
 
 
 def test_a_draft_of_what_is_shipped_is_in_order(tmp_path: Path):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from rtf.robot_testing.catalogue import entries
+from robot_test_catalogue import entries
+
 from rtf.testing.parameters import value_text
 from rtf.testing.plugins import find, load_test, shipped_folder
 
@@ -15,7 +16,7 @@ MISSING = {
     "CartesianControlSimpleP2pMovementTest", "CartesianControlReachingToleranceTest", "GazeControlSimpleLookTest",
     "DemoRedBallTest", "gazeController-stress",
 }  # fmt: skip
-OWN = {"BatteryTest"}
+OWN = {"BatteryTest", "RgbdTest", "SkinTest"}
 ROW = re.compile(r"^\| (?P<name>\w+) \| (?P<value>\S+?)(?: (?P<unit>\S+))? \| (?:C\+\+|chosen)(?![\w+])[^|]* \|$")
 
 

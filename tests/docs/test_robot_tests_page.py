@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from robot_test_catalogue import Entry, as_markdown, entries, with_table
+
 from rtf.robot_testing import Safety
-from rtf.robot_testing.catalogue import Entry, as_markdown, entries, with_table
 
 ROOT = Path(__file__).parents[2]
 
 
 def test_the_table_is_current():
-    """It is what the tests declare, to the letter: python -m rtf.robot_testing.catalogue docs/robot-tests.md."""
+    """It is what the tests declare, to the letter: python tools/robot_test_catalogue.py docs/robot-tests.md."""
     page = (ROOT / "docs" / "robot-tests.md").read_text(encoding="utf-8")
     assert with_table(page, as_markdown(entries())) == page
 

@@ -1,9 +1,9 @@
 """CameraTest on the simulated robot, which renders what its eyes see."""
 
 import pytest
+from robot_test_catalogue import entries
 
 from rtf.robot_testing import Safety
-from rtf.robot_testing.catalogue import entries
 from rtf.simulator.errors import RenderingError
 from rtf.simulator.rendering import rendering_back_end
 from rtf.testing.events import Attached

@@ -5,7 +5,7 @@ import pytest
 
 from robot_outcomes import said
 from rtf.robot.control_modes import STATES, TRANSITIONS, USER_MODES, ControlMode
-from rtf.robot_testing.motion.mode_walk import ModeWalk
+from rtf.robot_testing.motion.modes import ModeWalk
 from rtf.testing.events import Message, SeriesRecorded, Severity
 from rtf.testing.verdict import Verdict
 

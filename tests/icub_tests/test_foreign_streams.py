@@ -15,9 +15,9 @@ from rtf.robot.device import Device
 from rtf.robot.devices.fake_camera import FakeFrameGrabber
 from rtf.robot.devices.fake_sensors import FakeAnalogSensor
 from rtf.robot.interfaces import IMultipleAnalogSensors, SensorCategory, SensorInfo, SensorReading, SensorStatus
-from rtf.robot.server.analog import AnalogDevice
-from rtf.robot.server.analog_sensors import AnalogSensorsDevice
-from rtf.robot.server.frame_grabber import FrameGrabberDevice
+from rtf.robot.sensors.analog import AnalogDevice
+from rtf.robot.sensors.analog_sensors import AnalogSensorsDevice
+from rtf.robot.sensors.camera import FrameGrabberDevice
 from rtf.testing.events import Message, SubResultEnded
 from rtf.testing.verdict import MeasurementVerdict, Severity, Verdict
 

@@ -77,7 +77,7 @@ def test_a_board_that_does_not_keep_its_limits_pushes_against_the_stop(outcome, 
 def test_limits_that_can_be_reached_are_compared_with_those_that_are_expected(outcome):
     """A neck that may only roll by 20 degrees is not one of 25."""
     assert outcome.verdict("too-low") is Verdict.FAILED
-    assert "not 25; likely: a limit of another joint" in outcome.detail("too-low")
+    assert "not 25 deg; likely: a limit of another joint" in outcome.detail("too-low")
 
 
 def test_a_joint_that_runs_away_is_stopped_and_fails_alone(outcome, measured):

@@ -107,9 +107,8 @@ class TestAdministrators:
             for words in (["set", "out", "/b"], ["prop", "set", "/b"]):
                 request = Bottle([*map(Vocab, words[:2]), words[2]])
                 assert remote.administer(network, a, request)[0] == Vocab("fail")
-            with remote.talk(network, a) as link:
-                link.send_lines("/b")
-                assert link.receive_lines()[0].startswith("Not allowed")
+            with remote.talk(network, a) as ask:
+                assert ask("/b")[0].startswith("Not allowed")
             assert source.outputs == ()
             source.add_output("/b")
             assert source.outputs[0].dialect is network.dialect

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf.bottle import Bottle, Dialect, Property
-from rtf.middleware.carriers import registry
-from rtf.middleware.carriers.tcp import TcpOutput
+from rtf.middleware.carriers.stream_carrier import TCP
 from rtf.middleware.ports import remote
 from rtf.middleware.ports.buffered import BufferedPort
 from rtf.middleware.ports.port import Port
 from rtf.middleware.ports.rpc import RpcClient, RpcServer
 from rtf.middleware.types.codecs import BOTTLE
 from rtf.middleware.wire import framing
+from rtf.middleware.wire.contact import Contact
 from rtf.middleware.wire.outgoing_message import OutgoingMessage
 from waiting import eventually
 
@@ -38,10 +38,7 @@ def ask(port: Port, request: str, way: str) -> Bottle:
         return remote.administer(network, port.contact, Bottle.parse(request))
     stream = network.reach(port.contact)
     try:
-        carrier = registry.by_name("tcp")
-        stream.send(carrier.header + framing.sender("admin"))
-        stream.take(8)
-        link = TcpOutput(carrier, stream)
+        link = TCP.call(stream, "admin")
         link.send(OutgoingMessage("a", Bottle.parse(request), BOTTLE, Dialect.YARP3))
         reply = link.receive_reply(BOTTLE, Dialect.YARP3)
         link.finish()
@@ -178,6 +175,16 @@ class TestAdd:
                 assert ask(client, "[add] /server", way) == added
                 second = Bottle([-1, "RPC output already connected\r\n"])
                 assert ask(client, "[add] /server", way) == second
+
+
+@pytest.mark.parametrize("carrier", ["", "fast_tcp"])
+def test_a_port_is_asked_to_connect_to_an_address(port: Port, reader: Port, carrier: str):
+    """With a carrier or without one; the port is then known by its address, as with YARP."""
+    target = Contact("/reader", reader.contact.host, reader.contact.port, carrier)
+    where = f"{carrier or 'tcp'}://{reader.contact.host}:{reader.contact.port}/"
+    assert remote.connect(port.network, Contact("/port"), target) == f"Added connection from /port to {where}"
+    assert [output.carrier for output in port.outputs] == [carrier or "tcp"]
+    assert "/port" in [caller.sender for caller in reader.inputs]
 
 
 class TestDelete:
@@ -422,11 +429,11 @@ class TestTyped:
         """The command is obeyed, and only acknowledged."""
         stream = port.network.reach(port.contact)
         stream.send(framing.header(131) + framing.sender("tester"))
-        stream.take(8)
+        stream.run(stream.take(8))
         for text in ("*", "?", "/reader", "nonsense"):
             command = framing.command_text(text)
             stream.send(framing.index(len(command)) + command)
-            assert stream.take(8) == framing.ACK
+            assert stream.run(stream.take(8)) == framing.ACK
         assert [output.peer for output in port.outputs] == ["/reader"]
         stream.close()
 
@@ -451,16 +458,16 @@ class TestTurnedRound:
         """Acknowledged as any other command, and so are messages, by the other side now."""
         stream = port.network.reach(port.contact)
         stream.send(framing.header(131) + framing.sender("/tester"))
-        stream.take(8)
+        stream.run(stream.take(8))
         command = b"\0\0\0\0~r\0\1"
         stream.send(framing.index(len(command)) + command)
-        assert stream.take(8) == framing.ACK
+        assert stream.run(stream.take(8)) == framing.ACK
         eventually(lambda: port.outputs, "it was not turned round")
         stream.send(framing.ACK)
         assert port.write(Bottle([1])) == 1
-        blocks, rest = framing.index_rest(bytes(stream.take(framing.INDEX_SIZE)))
-        size = framing.message_size(stream.take(rest), 0, blocks)
-        assert framing.read_command(stream.take(size)).key == "D"
+        blocks, rest = framing.index_rest(bytes(stream.run(stream.take(framing.INDEX_SIZE))))
+        size = framing.message_size(stream.run(stream.take(rest)), 0, blocks)
+        assert framing.read_command(stream.run(stream.take(size))).key == "D"
         stream.close()
         port.write(Bottle([2]))
         assert not port.outputs

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import subprocess
 import sys
 from pathlib import Path
@@ -10,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rtf.bottle import Bottle, BottleError, Dialect, Property
-from rtf.bottle.binary import TruncatedBottleError, encode
+from rtf.bottle import Bottle, Dialect, Property
+from rtf.bottle.binary import encode
 from rtf.middleware.errors import ProtocolError
 from rtf.middleware.types import (
     BYTES,
@@ -22,11 +21,10 @@ from rtf.middleware.types import (
     VECTOR,
     Image,
     Pair,
-    ProtocolVersion,
     Record,
     Stamp,
 )
-from rtf.middleware.types.codecs import BOTTLE, RAW, Arriving, Codec, codec_of
+from rtf.middleware.types.codecs import BOTTLE, RAW, Codec, codec_of
 
 THREE = Dialect.YARP3
 BOTTLES = Bottle([["a", index, [index / 2]] for index in range(300)])
@@ -100,62 +98,6 @@ def test_raw_bytes_are_taken_as_they_are():
     data = encode(Bottle([1, 2]))
     assert RAW.decode(data + b"more", THREE) == data + b"more"
     assert RAW.decode_from(memoryview(data + b"more"), THREE) == (data, len(data))
-
-
-@pytest.mark.parametrize(
-    ("value", "codec"),
-    [(BOTTLES, BOTTLE), (np.arange(500.0), VECTOR), (ProtocolVersion(0, 3, 12, 3), ProtocolVersion.codec)],
-)
-def test_an_object_is_read_while_it_arrives(value: object, codec: Codec[object]):
-    """However the bytes come, the object is there with the last of them, also one that is no bottle."""
-    data = b"".join(codec.encode(value, THREE))
-    for step in (1, 7, len(data)):
-        arriving, size = Arriving(codec, THREE), 0
-        while size < len(data) - 1:
-            size = min(size + step, len(data) - 1)
-            with pytest.raises(TruncatedBottleError) as caught:
-                arriving.read(memoryview(data)[:size])
-            assert size < caught.value.needed <= len(data)
-        read, end = arriving.read(data + b"YA\0\0\0\0RP")
-        assert end == len(data)
-        assert b"".join(codec.encode(read, THREE)) == data
-
-
-def test_an_object_that_is_none_is_refused_while_it_arrives():
-    """Whether the damage is there at once or comes later."""
-    good = encode(BOTTLES)
-    bad = good[:-16] + b"\2\0\0\0" + good[-12:]
-    with pytest.raises(BottleError, match="not the code"):
-        Arriving(BOTTLE, THREE).read(bad)
-    arriving = Arriving(BOTTLE, THREE)
-    with pytest.raises(TruncatedBottleError):
-        arriving.read(bad[:100])
-    with pytest.raises(BottleError, match="not the code"):
-        arriving.read(bad)
-
-
-def test_a_slow_peer_costs_no_more_than_a_quick_one():
-    """Ten times the bytes, one by one, are ten times the work and not a hundred times: here, the calls of functions."""
-
-    def drip(count: int) -> int:
-        data = memoryview(encode(Bottle([["a", index] for index in range(count)])))
-        arriving, calls = Arriving(BOTTLE, THREE), 0
-
-        def counted(frame: object, event: str, argument: object) -> None:
-            nonlocal calls
-            calls += event in ("call", "c_call")
-
-        sys.setprofile(counted)
-        try:
-            for size in range(len(data)):
-                with contextlib.suppress(TruncatedBottleError):
-                    arriving.read(data[:size])
-            assert arriving.read(data)[1] == len(data)
-        finally:
-            sys.setprofile(None)
-        return calls
-
-    assert drip(1000) < 11 * drip(100)
 
 
 def test_the_benchmark_runs():

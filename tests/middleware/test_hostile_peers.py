@@ -204,11 +204,11 @@ def test_a_client_survives_any_answer(data: bytes):
     ours, theirs = socket.socketpair()
     with theirs:
         from rtf.bottle import Dialect
-        from rtf.middleware.carriers.tcp import Tcp, TcpOutput
+        from rtf.middleware.carriers.stream_carrier import TCP
         from rtf.middleware.types.codecs import BOTTLE
 
-        link = TcpOutput(Tcp(), Stream(ours))
-        link._due = True
+        link = TCP.output(Stream(ours))
+        link._sender.due = 1
         theirs.sendall(data)
         theirs.shutdown(socket.SHUT_WR)
         try:

@@ -1,30 +1,22 @@
-"""Several messages on their way at once: all arrive, by every carrier that acknowledges, and however they are cut."""
+"""Several messages on their way at once: all arrive, by every carrier that acknowledges."""
 
 from __future__ import annotations
 
-import socket
 import threading
 from typing import TYPE_CHECKING
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from rtf.bottle import Bottle
-from rtf.middleware.carriers.stream import Stream
-from rtf.middleware.carriers.tcp import Tcp, TcpInput
-from rtf.middleware.errors import ProtocolError
 from rtf.middleware.ports.pipelined_port import MOST, PipelinedPort
 from rtf.middleware.ports.port import Port
 from rtf.middleware.types.plain import BYTES
-from rtf.middleware.wire import framing
 
 if TYPE_CHECKING:
     from rtf.middleware.ports.network import Network
     from rtf.middleware.wire.incoming_message import IncomingMessage
 
 COUNT = 3 * MOST
-ENVELOPES = st.text(st.characters(min_codepoint=32, exclude_categories=["Cs"]), min_size=1, max_size=60)
 
 
 @pytest.mark.parametrize("together", [1, 5])
@@ -95,32 +87,3 @@ def test_it_does_not_wait_for_a_reader_that_works(network: Network):
         may_go.set()
         writer.settle()
         assert len(came) == MOST
-
-
-@given(ENVELOPES, st.binary(), st.data())
-@settings(deadline=None)  # a thread has to be woken
-def test_an_envelope_arrives_however_the_message_is_cut(envelope: str, body: bytes, data: st.DataObject):
-    """Whether all of it is there at once, or it comes in two pieces, or another message is behind it."""
-    whole = 2 * (framing.front("D", envelope, len(body)) + body)
-    cut = data.draw(st.integers(0, len(whole) - 1))
-    near, far = socket.socketpair()
-    with near, far:
-        receiving = TcpInput(Tcp(), Stream(near), "/writer", "")
-        sender = threading.Thread(target=lambda: (far.sendall(whole[:cut]), far.sendall(whole[cut:])))
-        sender.start()
-        for _ in range(2):
-            key, text, arrived = receiving.receive()
-            assert (key, text, bytes(arrived)) == ("D", envelope, body)
-        sender.join()
-
-
-@pytest.mark.parametrize("text_size", [-1, 0, 40, 1 << 20])
-def test_an_envelope_that_does_not_fit_into_its_message_is_refused(text_size: int):
-    """Its size is the peer's word, which may be anything."""
-    front = framing.front("D", "1 2", 4)
-    at = len(front) - len("D 1 2\0") - 8
-    near, far = socket.socketpair()
-    with near, far:
-        far.sendall(front[:at] + text_size.to_bytes(4, "little", signed=True) + front[at + 4 :] + bytes(4))
-        with pytest.raises(ProtocolError):
-            TcpInput(Tcp(), Stream(near), "/writer", "").receive()

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf.bottle import Bottle
-from rtf.middleware.carriers.stream import CHUNK, Stream, StreamClosedError
+from rtf.middleware.carriers.stream import Stream, StreamClosedError
 from rtf.middleware.ports.port import Port
 from rtf.middleware.types import IMAGE, Image
+from rtf.middleware.wire.inbox import CHUNK
 from waiting import eventually
 
 if TYPE_CHECKING:
@@ -51,10 +52,10 @@ class TestKeeping:
         """The next one does not overwrite it, nor a part of it."""
         stream, send = ends
         send(b"".join(bytes([number]) * LARGE for number in range(4)))
-        kept = stream.take(LARGE)
-        part = stream.take(LARGE)[LARGE - 5 :]
-        numbers = np.frombuffer(stream.take(LARGE), np.uint8)
-        stream.take(LARGE)
+        kept = stream.run(stream.take(LARGE))
+        part = stream.run(stream.take(LARGE))[LARGE - 5 :]
+        numbers = np.frombuffer(stream.run(stream.take(LARGE)), np.uint8)
+        stream.run(stream.take(LARGE))
         assert kept == bytes(LARGE)
         assert part == b"\1" * 5
         assert (numbers == 2).all()
@@ -63,20 +64,20 @@ class TestKeeping:
         """The next one is put into the same memory."""
         stream, send = ends
         send(bytes(3 * LARGE))
-        first = stream.take(LARGE).obj
+        first = stream.run(stream.take(LARGE)).obj
         place = id(first)
         del first
-        assert id(stream.take(LARGE).obj) == place
-        assert id(stream.take(LARGE).obj) == place
+        assert id(stream.run(stream.take(LARGE)).obj) == place
+        assert id(stream.run(stream.take(LARGE)).obj) == place
 
     def test_small_pieces_behind_a_large_one_that_is_kept(self, ends: tuple[Stream, Callable[[bytes], None]]):
         """They are received into other memory, also when they arrive later."""
         stream, send = ends
         send(b"a" * LARGE)
-        kept = stream.take(LARGE)
+        kept = stream.run(stream.take(LARGE))
         send(b"b" * LARGE)
         for _ in range(LARGE // 1000):
-            assert stream.take(1000) == b"b" * 1000
+            assert stream.run(stream.take(1000)) == b"b" * 1000
         assert kept == b"a" * LARGE
 
     def test_a_huge_piece_is_not_kept(self, ends: tuple[Stream, Callable[[bytes], None]]):
@@ -84,19 +85,19 @@ class TestKeeping:
         stream, send = ends
         huge = 64 << 20
         send(bytes(huge))
-        assert len(stream.take(huge)) == huge
+        assert len(stream.run(stream.take(huge))) == huge
         send(b"b")
-        assert stream.take(1) == b"b"
+        assert stream.run(stream.take(1)) == b"b"
         assert len(stream.memory) < 1 << 20
 
     def test_the_end_within_a_large_piece(self, ends: tuple[Stream, Callable[[bytes], None]]):
         """It is noticed."""
         stream, send = ends
         send(bytes(1000))
-        stream.take(1000 - 10)
+        stream.run(stream.take(1000 - 10))
         stream.wake()
         with pytest.raises(StreamClosedError):
-            stream.take(2 * LARGE)
+            stream.run(stream.take(2 * LARGE))
 
     def test_large_blocks_wherever_they_lie(self):
         """What is sent arrives as it is."""
@@ -107,7 +108,7 @@ class TestKeeping:
         between = b"y" * ((two_at - one_at - LARGE) % 4096)  # so that both lie alike
         sender = threading.Thread(target=lambda: [stream.send(b"x" * front, one, between, two) for front in FRONTS])
         sender.start()
-        arrived = [bytes(reader.take(front + 2 * LARGE + len(between))) for front in FRONTS]
+        arrived = [bytes(reader.run(reader.take(front + 2 * LARGE + len(between)))) for front in FRONTS]
         sender.join()
         stream.close()
         reader.close()

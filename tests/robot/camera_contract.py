@@ -1,4 +1,4 @@
-"""What every camera keeps to, whether it is here or at the other end of the network."""
+"""The contract of cameras, local or through the network."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class FrameGrabberContract:
         assert time > 0
 
     def test_images_change(self, camera: IFrameGrabber):
-        """Later images show something else; the first one stays as it was."""
+        """Later images differ; an image that was read does not change."""
         first, time = camera.image()
         kept = first.pixels.copy()
         eventually(lambda: camera.image()[1] > time, "no other image comes")
@@ -32,17 +32,17 @@ class FrameGrabberContract:
         assert (first.pixels == kept).all()
 
     def test_field_of_view(self, camera: IFrameGrabber):
-        """It is two angles in degrees."""
+        """The field of view is two angles in degrees."""
         assert all(0 < angle < 180 for angle in camera.field_of_view())
 
     def test_description(self, controls: IFrameGrabberControls):
-        """It says on which bus it is, and what it is."""
+        """The description has the number of the bus, and a text."""
         bus, text = controls.camera_description()
         assert isinstance(bus, int)
         assert text
 
     def test_features_that_it_has(self, controls: IFrameGrabberControls):
-        """What is set is what is got, with one value or with two."""
+        """Values that are set can be read, one or two for each feature."""
         assert controls.has_feature(CameraFeature.BRIGHTNESS)
         controls.set_feature(CameraFeature.BRIGHTNESS, 0.25)
         assert controls.feature(CameraFeature.BRIGHTNESS) == (0.25,)
@@ -58,7 +58,7 @@ class FrameGrabberContract:
         assert controls.is_automatic(CameraFeature.BRIGHTNESS) is not on
 
     def test_features_that_it_has_not(self, controls: IFrameGrabberControls):
-        """They can be asked for, and nothing else."""
+        """A missing feature can be asked for; reading and setting it is refused."""
         assert not controls.has_feature(CameraFeature.FOCUS)
         for forbidden in (
             lambda: controls.feature(CameraFeature.FOCUS),

@@ -1,4 +1,4 @@
-"""A network for each test of robots, with the promise that nothing of it is left, and time that the test lets pass."""
+"""A network for each test of robots, of which nothing is left afterwards, and a clock that tests advance."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def network(said: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 @pytest.fixture(scope="class")
 def shared_network(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Network]:
-    """The same for all tests of a class, which bring what they use back to how it began."""
+    """A network for all tests of a class, which restore the initial state of what they use."""
     with pytest.MonkeyPatch.context() as patch, nothing_left():
         patch.setenv("YARP_RUNTIME_DIR", str(tmp_path_factory.mktemp("runtime")))
         yield Network(LocalNames(), patience=30)
@@ -54,7 +54,7 @@ def shared_network(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Network
 
 @pytest.fixture
 def stepped() -> Iterator[ManualClock]:
-    """The robot's time, which passes when the test says so."""
+    """The robot's clock, which the test advances."""
     with clock.use(ManualClock()) as time:
         assert isinstance(time, ManualClock)
         yield time
@@ -62,7 +62,7 @@ def stepped() -> Iterator[ManualClock]:
 
 @pytest.fixture(scope="class")
 def shared_time() -> Iterator[ManualClock]:
-    """The same for all tests of a class; it goes on from one to the next."""
+    """The robot's clock for all tests of a class; it is not reset between them."""
     with clock.use(ManualClock()) as time:
         assert isinstance(time, ManualClock)
         yield time

@@ -1,4 +1,4 @@
-"""What every control board must do, whether it is fake, simulated, or stands at the other end of a network.
+"""The contract of control boards: fake, simulated, or through the network.
 
 Subclass :class:`ControlBoardContract`, give it a fixture ``board`` and a way to let the board's time pass::
 
@@ -146,17 +146,17 @@ class ControlBoardContract:
     # Help --------------------------------------------------------------------------------------------------------
 
     def of(self, board: Device, interface: type[Any]) -> Any:
-        """The board as an interface; the test is skipped where this kind of board lacks it."""
+        """Return the board as an interface; skip the test if it lacks it."""
         if interface in self.LACKING:
             pytest.skip(f"this board has no {interface.__name__}")
         return board.view(interface)
 
     def settle(self) -> None:
-        """Let enough time pass for what was said to have shown its effect."""
+        """Let enough time pass for the commands to take effect."""
         self.advance(0.1)
 
     def mode(self, board: Device, joint: int = 0) -> ControlMode:
-        """The mode of a joint, now that everything said has been dealt with."""
+        """Return the mode of a joint after all commands have taken effect."""
         self.settle()
         return self.of(board, IControlMode).control_mode(joint)
 
@@ -203,7 +203,7 @@ class ControlBoardContract:
     # Axes --------------------------------------------------------------------------------------------------------
 
     def test_axes_have_names_and_types(self, board: Device):
-        """Each axis has a name of its own and a type, and says so again when all are asked for."""
+        """Each axis has a unique name and a type."""
         info = self.of(board, IAxisInfo)
         names = [info.axis_name(joint) for joint in range(info.axes())]
         assert info.axes() >= 2
@@ -213,7 +213,7 @@ class ControlBoardContract:
 
     @pytest.mark.parametrize(("interface", "method"), _READING, ids=str)
     def test_reading_chooses_axes(self, board: Device, interface: type[Any], method: str):
-        """All, one and several can be read, in the order they are asked for, and none that is not there."""
+        """All, one and several axes can be read, in the given order; others are refused."""
         self.settle()
         read = getattr(self.of(board, interface), method)
         axes = self.of(board, IAxisInfo).axes()
@@ -231,7 +231,7 @@ class ControlBoardContract:
 
     @pytest.mark.parametrize(("interface", "method"), _WRITING + _STREAMED, ids=str)
     def test_values_are_checked(self, board: Device, interface: type[Any], method: str):
-        """A joint that is not there, too many values, too few, and values that are no numbers are refused."""
+        """A joint that does not exist, a wrong number of values, infinity and NaN are refused."""
         write = getattr(self.of(board, interface), method)
         axes = self.of(board, IAxisInfo).axes()
         for values, joints in (
@@ -266,7 +266,7 @@ class ControlBoardContract:
 
     @pytest.mark.parametrize("state", _REACHABLE, ids=lambda mode: mode.word)
     def test_every_request_in_every_state(self, board: Device, state: ControlMode):
-        """Whatever is asked for in whatever state, the joint is afterwards in the mode that the table says."""
+        """After any request in any mode the joint is in the mode of the table."""
         modes = self.of(board, IControlMode)
         for request in REQUESTS:
             self.bring_into(board, state)
@@ -276,7 +276,7 @@ class ControlBoardContract:
             assert self.mode(board) is after, f"{request.word} in {state.word}"
 
     def bring_into(self, board: Device, state: ControlMode) -> None:
-        """From any state to this one, through idle."""
+        """Bring a joint into a state, through idle."""
         amplifiers = self.of(board, IAmplifierControl)
         if amplifiers.max_current(0) == 0:
             amplifiers.set_max_current(0, 5.0)
@@ -285,7 +285,7 @@ class ControlBoardContract:
 
     @pytest.mark.parametrize("request_", _NEVER_REQUESTED, ids=lambda mode: mode.word)
     def test_modes_that_nobody_may_ask_for(self, board: Device, request_: ControlMode):
-        """They are refused, and nothing changes."""
+        """Requests for other modes are refused, and nothing changes."""
         before = self.mode(board)
         assert answer(before, request_)[0] is Answer.REFUSED
         with pytest.raises(RefusedError):
@@ -311,7 +311,7 @@ class ControlBoardContract:
                 modes.set_control_modes(wrong)
 
     def test_only_force_idle_leaves_a_fault(self, board: Device):
-        """Without any current allowed a joint is in fault, says why, and stays there until it is forced to idle."""
+        """A joint whose current limit is 0 is in fault, with a reason, until it is forced to idle."""
         amplifiers = self.of(board, IAmplifierControl)
         allowed = amplifiers.max_current(0)
         self.enter(board, ControlMode.HARDWARE_FAULT)
@@ -337,7 +337,7 @@ class ControlBoardContract:
         assert self.of(board, IAmplifierControl).amplifier_status(1) == (0,)
 
     def test_interaction_modes_outlast_control_modes(self, board: Device):
-        """Whether a joint is compliant has nothing to do with how it is controlled. Some joints cannot be."""
+        """The interaction mode does not depend on the control mode. Some joints cannot be compliant."""
         modes = self.of(board, IInteractionMode)
         flags = self.can_be_compliant(board)
         for joint, can in enumerate(flags):
@@ -361,13 +361,13 @@ class ControlBoardContract:
             modes.set_interaction_modes(InteractionMode.STIFF, len(flags))
 
     def can_be_compliant(self, board: Device) -> list[bool]:
-        """Which joints can be compliant."""
+        """Return the joints that can be compliant."""
         return [True] * self.of(board, IAxisInfo).axes()
 
     # Moves -------------------------------------------------------------------------------------------------------
 
     def test_moves_of_one_several_and_all(self, board: Device):
-        """Joints go where they are told, those not named stay, and when they are there the motion is done."""
+        """Joints reach their targets, others stay, and then the motion is done."""
         places = self.centre(board)
         moves = self.of(board, IPositionControl)
         moves.position_move(places[0] + self.WAY, 0)
@@ -387,7 +387,7 @@ class ControlBoardContract:
         assert moves.target_positions([0, 1]) == pytest.approx(places)
 
     def test_moves_are_smooth(self, board: Device):
-        """On its way a joint goes only forward, and its speed says so."""
+        """A joint moves only forward, and its speed agrees."""
         places = self.centre(board)
         moves = self.of(board, IPositionControl)
         moves.set_reference_speeds(self.SPEED, 0)
@@ -402,14 +402,14 @@ class ControlBoardContract:
         assert max(speeds) > self.SPEED / 2
 
     def test_relative_moves(self, board: Device):
-        """They go so far from where the joint is."""
+        """A relative move is from the present position."""
         places = self.centre(board)
         self.of(board, IPositionControl).relative_move(-self.WAY, 1)
         self.until_done(board)
         assert self.at(board, [0, 1]) == pytest.approx([places[0], places[1] - self.WAY], abs=self.TOLERANCE)
 
     def test_targets_are_cut_off_at_the_limits(self, board: Device):
-        """A joint that is told to go beyond its limits goes to them, and no further."""
+        """A target beyond the limits is clipped to them."""
         self.centre(board)
         low, high = self.of(board, IControlLimits).limits(0)
         for beyond, limit in ((high + 20, high), (low - 20, low)):
@@ -417,7 +417,7 @@ class ControlBoardContract:
             assert self.at(board, 0) == pytest.approx([limit], abs=self.TOLERANCE)
 
     def test_motion_of_several_is_done_when_each_is(self, board: Device):
-        """Of several joints none may be on its way any more."""
+        """The motion of several joints is done when that of each is."""
         places = self.centre(board)
         moves = self.of(board, IPositionControl)
         moves.set_reference_speeds([self.SPEED, self.SPEED / 4], [0, 1])
@@ -429,7 +429,7 @@ class ControlBoardContract:
         assert self.at(board, 1)[0] < places[1] + self.WAY
 
     def test_stop(self, board: Device):
-        """A joint that is stopped on its way stays there, and its motion is done."""
+        """A joint that is stopped during a move stays there, and its motion is done."""
         places = self.centre(board)
         moves = self.of(board, IPositionControl)
         moves.set_reference_speeds(self.SPEED, 0)
@@ -473,7 +473,7 @@ class ControlBoardContract:
         assert self.mode(board) is ControlMode.MIXED
 
     def test_without_power_nothing_is_taken(self, board: Device):
-        """A joint that was idle or in fault begins its next mode at rest, whatever it was told meanwhile."""
+        """Commands to a joint that is idle or in fault have no effect on its next mode."""
         places = self.centre(board)
         allowed = self.of(board, IAmplifierControl).max_current(0)
         for off in (ControlMode.IDLE, ControlMode.HARDWARE_FAULT):
@@ -499,7 +499,7 @@ class ControlBoardContract:
 
     @pytest.mark.parametrize("mode", [*USER_MODES, ControlMode.IDLE], ids=lambda mode: mode.word)
     def test_commands_of_other_modes_are_ignored(self, board: Device, mode: ControlMode):
-        """What the mode does not take leaves no trace: no target, no reference."""
+        """A command of another mode changes neither target nor setpoint."""
         self.centre(board)
         self.enter(board, mode)
         for other, interface, put, get in _REFERENCES:
@@ -519,7 +519,7 @@ class ControlBoardContract:
 
     @pytest.mark.parametrize(("mode", "interface", "put", "get"), _REFERENCES, ids=str)
     def test_references_read_back(self, board: Device, mode: ControlMode, interface: type[Any], put: str, get: str):
-        """In its mode the last reference of one joint, several and all is given back."""
+        """The last setpoint of one joint, several and all can be read in its mode."""
         axes = self.of(board, IAxisInfo).axes()
         self.centre(board)
         self.enter(board, mode, None)
@@ -537,7 +537,7 @@ class ControlBoardContract:
         assert getattr(device, get)()[:2] == pytest.approx(everything[:2])
 
     def test_a_new_mode_begins_without_old_references(self, board: Device):
-        """A duty cycle that was asked for before is 0 when the mode is entered again."""
+        """A duty cycle is 0 when its mode is entered again."""
         pwm = self.of(board, IPWMControl)
         self.enter(board, ControlMode.PWM)
         pwm.set_reference_duty_cycles(self.SMALL, 0)
@@ -547,7 +547,7 @@ class ControlBoardContract:
         assert pwm.reference_duty_cycles(0) == pytest.approx([0.0])
 
     def test_reference_speeds_and_accelerations(self, board: Device):
-        """They are kept for one, several and all joints."""
+        """Reference speeds and accelerations of one, several and all joints can be read."""
         moves = self.of(board, IPositionControl)
         axes = self.of(board, IAxisInfo).axes()
         for put, get in (
@@ -563,7 +563,7 @@ class ControlBoardContract:
     # Measurements ------------------------------------------------------------------------------------------------
 
     def test_joints_are_measured_at_one_moment(self, board: Device):
-        """The times of the encoders agree, and go on."""
+        """The times of all encoders are the same, and increase."""
         self.settle()
         encoders = self.of(board, IEncoders)
         first = encoders.encoder_times()
@@ -573,7 +573,7 @@ class ControlBoardContract:
         assert (second > first).all()
 
     def test_motors_turn_with_their_joints(self, board: Device):
-        """What a joint moves its motor does, times the gearbox, if the joint has a motor of its own."""
+        """The motor of a joint turns by its motion times the gearbox ratio, unless joints are coupled."""
         places = self.centre(board)
         motors = self.of(board, IMotorEncoders)
         assert motors.motor_encoder_count() == self.of(board, IAxisInfo).axes()
@@ -585,7 +585,7 @@ class ControlBoardContract:
     # Settings ----------------------------------------------------------------------------------------------------
 
     def test_limits(self, board: Device):
-        """Limits of positions and speeds are kept, and none that are the wrong way round."""
+        """Limits of positions and speeds can be set, and swapped ones are refused."""
         limits = self.of(board, IControlLimits)
         low, high = limits.limits(0)
         assert low < high
@@ -627,7 +627,7 @@ class ControlBoardContract:
             assert getattr(device, get)(0) == before, put
 
     def test_a_joint_in_fault_is_not_calibrated(self, board: Device):
-        """It has to be forced to idle first."""
+        """The calibration of a joint in fault is refused until it is forced to idle."""
         self.enter(board, ControlMode.HARDWARE_FAULT)
         with pytest.raises(RefusedError):
             self.of(board, IControlCalibration).calibrate_axis(0, CalibrationParameters())
@@ -645,7 +645,7 @@ class ControlBoardContract:
             springs.set_impedance(0, stiffness + 1, damping)
 
     def test_torque_models(self, board: Device):
-        """Ranges make sense, and the model of a motor is kept."""
+        """Torque ranges are ordered, and the parameters of a motor can be set."""
         torques = self.of(board, ITorqueControl)
         low, high = torques.torque_range(0)
         assert low <= high
@@ -684,13 +684,13 @@ class ControlBoardContract:
             pids.pid(kind, count)
 
     def test_calibration(self, board: Device):
-        """A joint that was calibrated says so; one that is not there is refused."""
+        """A calibrated joint reports it; a joint that does not exist is refused."""
         calibration = self.of(board, IControlCalibration)
         calibration.set_calibration_parameters(0, CalibrationParameters(3, 1.0, 2.0, 3.0))
         assert calibration.calibration_done(0)
 
     def test_variables(self, board: Device):
-        """Variables are listed and read; one that is not there is refused."""
+        """Variables are listed and read; an unknown one is refused."""
         variables = self.of(board, IRemoteVariables)
         for name in variables.variables():
             assert isinstance(variables.variable(name), Bottle)

@@ -1,4 +1,4 @@
-"""Boards to be served, and any bottle that they might be asked."""
+"""Boards to be served, and arbitrary requests to them."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.remote import connect
 from rtf.middleware.types import VECTOR
 from rtf.middleware.wire.contact import Contact
+from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import IAxisInfo, IRemoteCalibrator, JointType
-from rtf.robot.server.control_board import ControlBoardServer
-from rtf.robot.server.outlets import Outlets, PipelinedOutlets
-from rtf.robot.vocabulary import COMMANDS, TOPICS
+from rtf.robot.network.outlets import Outlets, PipelinedOutlets
+from rtf.robot.yarp3.table import COMMANDS, TOPICS
 
 
 class CalibratedBoard(FakeBoard, IRemoteCalibrator):
-    """A board of two joints with variables, and a calibrator behind it that says what it was asked."""
+    """A board of two joints with variables, and a calibrator that records its calls."""
 
     def __init__(self) -> None:
         super().__init__("calibrated")
@@ -119,7 +119,7 @@ def command(head: str, *values: float) -> bytes:
 
 @contextmanager
 def reading(network: Network, name: str, codec, carrier: str = "tcp") -> Iterator[BufferedPort]:
-    """Somebody who reads what the board publishes at a port."""
+    """Open a reader of a port of the board."""
     with BufferedPort(f"/reader{name}", codec, strict=True, network=network) as port:
         connect(network, Contact(f"/robot/arm{name}"), Contact(port.name), carrier)
         yield port

@@ -1,4 +1,4 @@
-"""A control board that says what a test tells it to, on real ports: what it was asked and told is kept."""
+"""A control board with scripted answers, on real ports; it records requests and commands."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from rtf.bottle import Bottle, Property
 from rtf.middleware.ports.buffered import BufferedPort
 from rtf.middleware.ports.rpc import RpcServer
 from rtf.middleware.types import Stamp
-from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.extended_state import EXTENDED_STATE, ExtendedState
-from rtf.robot.vocabulary import COMMAND
+from rtf.robot.network.streamed_commands import COMMAND
+from rtf.robot.yarp3.client import RemoteControlBoard
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -60,7 +60,7 @@ class ScriptedBoard:
             self._opened = opened.pop_all()
 
     def publish(self) -> None:
-        """Send the state, as true now."""
+        """Send the state, stamped with the present time."""
         self._stamp = self._stamp.next(clock.now())
         self._states.write(self.state, envelope=str(self._stamp))
 
@@ -92,7 +92,7 @@ class _States(BufferedPort[ExtendedState]):
 
 @contextmanager
 def client_of(board: ScriptedBoard, network: Network, **parameters: object) -> Iterator[RemoteControlBoard]:
-    """A client with a name of its own."""
+    """Return an open client with a unique name."""
     client = RemoteControlBoard("board", network=network)
     given = {"remote": board.name, "local": "/client", "carrier": "tcp", **parameters}
     client.open(Property({key: value for key, value in given.items() if value is not None}))
@@ -103,7 +103,7 @@ def client_of(board: ScriptedBoard, network: Network, **parameters: object) -> I
 
 
 def raises(kind: type[RobotError], call: Callable[[], object]) -> bool:
-    """Whether a call fails so."""
+    """Return whether a call raises this error."""
     try:
         call()
     except kind:
@@ -112,5 +112,5 @@ def raises(kind: type[RobotError], call: Callable[[], object]) -> bool:
 
 
 def names(network: Network) -> set[str]:
-    """What is registered."""
+    """Return the registered names."""
     return {contact.name for contact in network.names.list()}

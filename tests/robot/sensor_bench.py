@@ -1,4 +1,4 @@
-"""Sensors and a clock that do as they are told, and readers of what is published."""
+"""Sensors and a clock that tests control, and readers of streams."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rtf.middleware.ports.network import Network
-    from rtf.robot.sensor_message import Measurements
+    from rtf.robot.sensors.measurements import Measurements
 
 
 def connect(network: Network, source: str, target: str) -> None:
-    """Have a port send to another one, as a user would."""
+    """Connect two ports, as a user would."""
     remote.connect(network, Contact(source), Contact(target), "tcp")
 
 
 class ManualClock(Clock):
-    """The time is what it was set to."""
+    """A clock that is set by the test."""
 
     def __init__(self, time: float = 100.0) -> None:
         self.time = time
@@ -40,7 +40,7 @@ class ManualClock(Clock):
 
 
 class ScriptedSensors(IMultipleAnalogSensors):
-    """What it measures, how its sensors are and what breaks is set from outside."""
+    """Sensors whose readings, status and errors are set by the test."""
 
     def __init__(self, measurements: Measurements | None = None) -> None:
         self.measurements = measurements or [[], [], [], [], [SensorReading(np.array([36.6]), 1.0)]]

@@ -1,4 +1,4 @@
-"""What every device with sensors keeps to, whether it is here or at the other end of the network."""
+"""The contract of devices with sensors, local or through the network."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ ARRAYS = (SensorCategory.CONTACT_LOAD_CELLS, SensorCategory.ENCODER_ARRAY, Senso
 
 
 def every_sensor(device: IMultipleAnalogSensors) -> list[tuple[SensorCategory, int]]:
-    """All that it has."""
+    """Return category and index of every sensor."""
     return [(category, index) for category in SensorCategory for index in range(len(device.sensors(category)))]
 
 
 def is_well(device: IMultipleAnalogSensors) -> bool:
-    """Whether all of its sensors are."""
+    """Return whether the status of all sensors is OK."""
     return all(device.sensor_status(*place) is SensorStatus.OK for place in every_sensor(device))
 
 
@@ -28,7 +28,7 @@ class MultipleAnalogSensorsContract:
     """To be subclassed with a fixture ``sensors``: a device whose sensors are well, and measure what changes."""
 
     def test_every_category_can_be_asked(self, sensors: IMultipleAnalogSensors):
-        """Of a category without sensors there are none; the others say what theirs are called."""
+        """Every category can be asked for; its sensors have descriptions."""
         found = [info for category in SensorCategory for info in sensors.sensors(category)]
         assert found
         assert all(isinstance(info, SensorInfo) and all(isinstance(text, str) for text in info) for info in found)
@@ -57,7 +57,7 @@ class MultipleAnalogSensorsContract:
                     sensors.sensor_status(category, index)
 
     def test_measurements_go_on(self, sensors: IMultipleAnalogSensors):
-        """Later readings have later times and other values; what was read before stays as it was."""
+        """Later readings have later times and other values; earlier ones do not change."""
         place = every_sensor(sensors)[0]
         first = sensors.read_sensor(*place)
         kept = first.values.copy()

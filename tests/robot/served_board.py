@@ -1,4 +1,4 @@
-"""A fake board behind the ports of a real one; what reaches it is counted."""
+"""A fake board on real ports, which counts commands."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from rtf.bottle import Property
 from rtf.middleware.ports.network import Network
+from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot.devices.fake_board import FakeBoard
-from rtf.robot.server.control_board import ControlBoardServer
-from rtf.robot.server.outlets import PipelinedOutlets
+from rtf.robot.network.outlets import PipelinedOutlets
 
 from .sensor_bench import ManualClock
 
@@ -30,7 +30,7 @@ class CountingBoard(FakeBoard):
         super().open(configuration)
 
     def begin_anew(self) -> None:
-        """Be as when it was opened; those that are connected stay so."""
+        """Restore the state after opening; connections stay."""
         self.open(self._configuration)
 
     def velocity_move(self, velocities: Values, joints: AxisSelection = None) -> None:
@@ -61,7 +61,7 @@ class CountingBoard(FakeBoard):
 
 @contextmanager
 def fake_board(network: Network, configuration: str = "") -> Iterator[tuple[CountingBoard, ControlBoardServer]]:
-    """A fake board of three joints and what serves it; it publishes when it is told to."""
+    """Serve a fake board of three joints; the test publishes its state."""
     with ExitStack() as opened:
         board = CountingBoard("fake", network=network)
         board.open(Property.parse(f"(GENERAL (Joints 3)) {configuration}"))
@@ -72,6 +72,6 @@ def fake_board(network: Network, configuration: str = "") -> Iterator[tuple[Coun
 
 
 def publish(server: ControlBoardServer, time: ManualClock) -> None:
-    """Have the state sent; who acknowledges has it then."""
+    """Publish the state, and wait for readers that acknowledge."""
     server.publish(time.now())
     server.settle()

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from rtf.bottle import Bottle, Property
 from rtf.middleware.ports.rpc import RpcClient
-from rtf.robot.client.control_board import RemoteControlBoard
+from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.device import Calibrator, Device, make_device
 from rtf.robot.devices.calibrator import BoardCalibrator
@@ -22,7 +22,7 @@ from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.errors import ConfigurationError, DeviceError, NotSupportedError, RefusedError, RobotError
 from rtf.robot.interface.actions import TakesCalibrator
 from rtf.robot.interfaces import CalibrationParameters, Pid, PidType
-from rtf.robot.server.control_board import ControlBoardServer
+from rtf.robot.yarp3.client import RemoteControlBoard
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -22,7 +22,6 @@ from rtf.robot.extended_state import (
     Field,
     InterfaceState,
     mean_time,
-    state_from_interfaces,
 )
 from rtf.robot.interfaces import FloatArray, IEncoders
 
@@ -233,7 +232,7 @@ def test_what_a_device_has_not_got_is_not_valid():
     """Missing interfaces, refusals and arrays of another size are zeros that are not valid."""
     state = ExtendedState(2)
     state.floats.fill(9.0)
-    assert state_from_interfaces(Encoders(10.0, 10.5), state) == 10.25
+    assert InterfaceState(Encoders(10.0, 10.5)).fill_state(state) == 10.25
     assert state.joint_positions.tolist() == [1.0, 2.0]
     assert [field for field in Field if state.valid[field]] == [Field.JOINT_POSITIONS]
     assert state.joint_velocities.tolist() == [0.0, 0.0]

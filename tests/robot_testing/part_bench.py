@@ -10,18 +10,18 @@ from rtf import clock
 from rtf.bottle import Bottle, Property
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
-from rtf.robot.client.control_board import RemoteControlBoard
-from rtf.robot.client.settings import unique_local
+from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.errors import RefusedError
-from rtf.robot.server.control_board import ControlBoardServer
-from rtf.robot.server.outlets import PipelinedOutlets
+from rtf.robot.network.client_settings import unique_local
+from rtf.robot.network.outlets import PipelinedOutlets
+from rtf.robot.yarp3.client import RemoteControlBoard
 from rtf.robot_testing import MotionGuard, Part
 from rtf.robot_testing.guard.transmission import COUPLING_VARIABLE
 from rtf.robot_testing.joints_test import JointsTest
 
-from ..robot.sensor_bench import ManualClock  # noqa: TID252 - a neighbour among the tests
+from ..robot.sensor_bench import ManualClock
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

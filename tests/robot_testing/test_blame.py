@@ -216,7 +216,7 @@ def test_limits_without_a_range_are_a_failure_of_their_joint(
     test._exclude_joints_without_range()
     assert test.chosen == [1, 2]
     assert failures(said) == {
-        "joint0": "joint0: the limits 50 and -50 deg leave no range; "
+        "joint0": "joint0: the limits 50 deg and -50 deg leave no range; "
         "likely: swapped or missing limits in the configuration"
     }
     assert [joints for _, joints in bench.device.asked] == [[0]]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rtf import clock
-from rtf.robot.client.control_board import RemoteControlBoard
+from rtf.robot.yarp3.client import RemoteControlBoard
 from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.judging.orientations import each_once, turns_of
 from rtf.robot_testing.motion.joint_swings import Ends, JointSwinger

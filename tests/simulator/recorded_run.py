@@ -17,9 +17,9 @@ from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.port import Port
 from rtf.middleware.ports.remote import connect
 from rtf.middleware.wire.contact import Contact
-from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.model import load_robot
+from rtf.robot.yarp3.client import RemoteControlBoard
 from rtf.simulator.robot import SimulatedRobot
 
 

@@ -13,7 +13,7 @@ from rtf.bottle import Dialect, Property
 from rtf.middleware.clocks.network_clock import LockstepClock
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
-from rtf.robot.client.control_board_service import ControlBoardServiceClient
+from rtf.robot.yarp4.client import ControlBoardServiceClient
 from rtf.simulator.robot import SimulatedRobot
 
 pytestmark = pytest.mark.skipif(

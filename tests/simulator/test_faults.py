@@ -80,6 +80,7 @@ class Bench:
         from rtf.simulator.part import SimulatedPart
         from rtf.simulator.simulated_sensors import SimulatedForceTorque, SimulatedImu
         from rtf.simulator.simulation import Simulation
+        from rtf.simulator.skin import SimulatedSkin
 
         own = dataclasses.replace(model(), model=copy.copy(model().model))
         self.simulation = Simulation(own, seed=seed)
@@ -90,7 +91,9 @@ class Bench:
         self.imus = {"inertial": SimulatedImu(own.imus[0], self.simulation)}
         self.battery = SimulatedBattery(BATTERY, self.simulation)
         self.simulation.publish_regularly(self.battery)
+        self.skin = {"left_hand": SimulatedSkin("left_hand", ICUB.sensors.skin["left_hand"], self.simulation)}
         self.cameras = {"left": SimpleNamespace(faults=[])}
+        self.depth_cameras = {"depth": SimpleNamespace(faults=[])}
         self.port = Outlet(self)
         self.outlet = SimulatedOutlet(self.port, self.simulation)  # type: ignore[arg-type]  # it writes, as that does
         self.outlets = SimpleNamespace(by_name={PORT: self.outlet})
@@ -155,6 +158,8 @@ TARGETS = {
     Target.PORT: PORT,
     Target.ROBOT: "",
     Target.BATTERY: "battery",
+    Target.SKIN: "left_hand",
+    Target.DEPTH_CAMERA: "depth",
 }
 
 
@@ -189,6 +194,8 @@ def health(bench: Bench) -> dict[str, object]:
     found["pushed"] = bench.simulation.data.qfrc_applied.tobytes()
     found["limits"] = (boards.trajectories.minimum.tobytes(), boards.trajectories.maximum.tobytes())
     found["told"] = [list(bench.imus["inertial"].faults), list(bench.force_torques["left_arm"].faults)]
+    found["measured"] = list(bench.depth_cameras["depth"].faults)
+    found["felt"] = list(bench.skin["left_hand"].faults)
     found["drained"] = [list(bench.battery.weaknesses), list(bench.battery.faults)]
     found["seen"] = list(bench.cameras["left"].faults)
     found["sent"] = [*bench.outlet.disturbances, *bench.outlet.restamps]
@@ -569,6 +576,37 @@ def battery_freezes(bench: Bench) -> None:
     assert bench.battery.left < left
 
 
+def taxel_dies(bench: Bench) -> None:
+    """It repeats its reading; its neighbours do not."""
+    readings = []
+    for _ in range(50):
+        bench.run(0.02)
+        readings.append(bench.skin["left_hand"].read().values)
+    changes = np.ptp(readings, axis=0)
+    assert changes[96] == 0.0
+    assert np.delete(changes, 96).min() > 0.0
+
+
+def depths(bench: Bench, depth: np.ndarray) -> np.ndarray:
+    """What a depth camera publishes instead of these depths."""
+    for fault in bench.depth_cameras["depth"].faults:
+        depth = fault(depth, bench.simulation.now)
+    return depth
+
+
+def depth_freezes(bench: Bench) -> None:
+    """The first depths stay."""
+    first = depths(bench, np.full((2, 3), 1.0, np.float32))
+    assert depths(bench, np.full((2, 3), 2.0, np.float32)).tolist() == first.tolist() == [[1.0] * 3] * 2
+
+
+def depth_is_scaled(bench: Bench) -> None:
+    """All depths are a tenth too short, and still numbers of 32 bits; what is not measured stays so."""
+    shown = depths(bench, np.array([[2.0, 0.0]], np.float32))
+    assert shown.dtype == np.float32
+    assert shown[0].tolist() == pytest.approx([1.8, 0.0])
+
+
 def is_late(bench: Bench) -> None:
     """Each comes 0.05 s after it was written, in order."""
     came = bench.publish(20)
@@ -657,6 +695,9 @@ SHOWS: dict[str, Callable[[Bench], None]] = {
     "camera_size": camera_is_small,
     "battery_weak": battery_is_weak,
     "battery_frozen": battery_freezes,
+    "taxel_dead": taxel_dies,
+    "depth_frozen": depth_freezes,
+    "depth_scale": depth_is_scaled,
     "latency": is_late,
     "jitter": comes_irregularly,
     "loss": gets_lost,

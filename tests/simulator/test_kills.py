@@ -20,10 +20,10 @@ from rtf import clock
 from rtf.middleware.naming.client import RemoteNames
 from rtf.middleware.naming.server import NameServer
 from rtf.middleware.ports.network import Network
-from rtf.robot.client.boards import connect
-from rtf.robot.client.control_board import RemoteControlBoard
+from rtf.robot.boards.client import connect
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.errors import RobotError
+from rtf.robot.yarp3.client import RemoteControlBoard
 from rtf.simulator.robot import SimulatedRobot
 from waiting import eventually
 
@@ -53,7 +53,7 @@ with SimulatedRobot(load_robot("icub"), network=network, parts=("head",), factor
         clock.sleep(60.0)
 """
 _CLIENT = f"""{_NETWORK}
-from rtf.robot.client.boards import connect
+from rtf.robot.boards.client import connect
 from rtf.robot.control_modes import ControlMode
 
 client = connect("/icubSim/left_arm", carrier="tcp", network=network)

@@ -25,7 +25,7 @@ from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.remote import connect
 from rtf.middleware.ports.rpc import RpcClient
 from rtf.middleware.wire.contact import Contact
-from rtf.robot.client.control_board import RemoteControlBoard
+from rtf.robot.yarp3.client import RemoteControlBoard
 from rtf.simulator.contacts import touching
 from rtf.simulator.robot import SimulatedRobot
 from waiting import eventually, open_descriptors

@@ -14,15 +14,15 @@ from rtf.bottle import Property
 from rtf.middleware.clocks.network_clock import LockstepClock
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
-from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.devices.trajectories import LEAST_MOVE
 from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import IRemoteVariables, PidType
+from rtf.robot.yarp3.client import RemoteControlBoard
 from rtf.simulator.part import SimulatedPart
 from rtf.simulator.robot import SimulatedRobot
 
-from ..robot.contract import ControlBoardContract  # noqa: TID252 - test folders are no packages
+from ..robot.contract import ControlBoardContract
 from .rig import Rig
 
 if TYPE_CHECKING:

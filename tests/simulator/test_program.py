@@ -133,7 +133,7 @@ def test_it_opens_says_what_and_is_ready(lab: Lab):
     program = lab.ready("robot='bot', parts=('head', 'left_arm')")
     line = next(line for line in program.said.splitlines() if line.startswith("READY"))
     assert line.startswith("READY bot in ")
-    assert "2 parts, 15 streams, 0 cameras, clock /clock (factor 1), control /bot/simulator/rpc:i" in line
+    assert "2 parts, 19 streams, 0 cameras, clock /clock (factor 1), control /bot/simulator/rpc:i" in line
     assert "/bot/left_arm: rpc:i command:i state:o stateExt:o" in program.said
     expected = {f"/bot/{part}/{port}" for part in ("head", "left_arm") for port in ("rpc:i", "command:i", "state:o")}
     assert {

@@ -11,11 +11,11 @@ import pytest
 from icub import ICUB
 from rtf.robot.errors import DeviceError, RefusedError
 from rtf.robot.interfaces import SensorCategory, SensorStatus
-from rtf.robot.measurements import DeviceMeasurements
+from rtf.robot.sensors.measurements import DeviceMeasurements
 from rtf.simulator.angle_sensors import SimulatedAngles
 
 if TYPE_CHECKING:
-    from rtf.robot.sensor_message import Measurements
+    from rtf.robot.sensors.measurements import Measurements
     from rtf.simulator.simulated_sensors import SimulatedForceTorque
 
     from .rig import Rig

@@ -19,10 +19,10 @@ from harness import Command, marked
 from rtf.middleware.naming import configuration
 from rtf.middleware.naming.configuration import find_network
 from rtf.middleware.naming.server import NameServer
-from rtf.robot.client.boards import connect
-from rtf.robot.client.control_board import RemoteControlBoard
+from rtf.robot.boards.client import connect
 from rtf.robot.errors import StaleStateError
 from rtf.robot.interfaces import Pid, PidType
+from rtf.robot.yarp3.client import RemoteControlBoard
 from rtf.simulator.control_client import SimulatorControl
 from rtf.testing.events import FixtureChanged, TestStarted
 from rtf.testing.verdict import FixtureState, Verdict

@@ -82,14 +82,12 @@ def ping(words: Sequence[str]) -> ExitCode:
         complain(f"{options.port.name} not known.", "'rtf list' shows what is registered")
         return ExitCode.FAILURES
     try:
-        with remote.talk(network, options.port, "<ping>") as link:
-            link.send_lines("*")
-            lines = link.receive_lines()
+        with remote.talk(network, options.port, "<ping>") as ask:
+            lines = ask("*")
             times = []
             for _ in range(options.count):
                 before = clock.monotonic()
-                link.send_lines("a", "[ver]")
-                link.receive_lines()
+                ask("a", "[ver]")
                 times.append(1e3 * (clock.monotonic() - before))
     except MiddlewareError as error:
         complain(f"{options.port.name} is not responding.", f"{error}; 'rtf clean' forgets ports that are gone")
@@ -152,9 +150,8 @@ def terminate(words: Sequence[str]) -> ExitCode:
         complain(f"{port.name} not known.", "'rtf list' shows what is registered")
         return ExitCode.FAILURES
     try:
-        with remote.talk(network, port) as link:
-            link.send_lines(*(("d", "quit") if _QUIT in port.name else ("i",)))
-            link.receive_lines()
+        with remote.talk(network, port) as ask:
+            ask(*(("d", "quit") if _QUIT in port.name else ("i",)))
     except MiddlewareError as error:
         progress(f"{port.name}: {error}")  # it may end before it answers
     deadline = clock.Deadline.after(options.timeout)

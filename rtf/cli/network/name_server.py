@@ -15,11 +15,10 @@ from rtf.cli.network.options import add_timeout, make_network, make_parser
 from rtf.cli.network.terminal import complain, progress, say
 from rtf.cli.parser import Parser, port
 from rtf.errors import RtfError
-from rtf.middleware.carriers.authentication import find_key
 from rtf.middleware.errors import MiddlewareError
 from rtf.middleware.naming import configuration
 from rtf.middleware.naming.client import RemoteNames
-from rtf.middleware.naming.configuration import namespaces
+from rtf.middleware.naming.configuration import find_key, namespaces
 from rtf.middleware.wire.contact import Contact
 from rtf.middleware.wire.name_server_lines import END, command, read_registration, registration
 from rtf.testing.verdict import ExitCode
@@ -64,7 +63,6 @@ def _parser() -> Parser:
 
 
 def _serve(options: Namespace) -> ExitCode:
-    from rtf.middleware.carriers.authentication import find_key
     from rtf.middleware.naming import configuration
     from rtf.middleware.naming.server import NameServer
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from rtf.bottle import Bottle, Vocab, to_string
 from rtf.cli.network.options import add_timeout, contact, make_network, make_parser, own_name
 from rtf.cli.network.terminal import ENDING, Bell, complain, opened, progress, say, typed, typed_bottle
-from rtf.middleware.carriers.tcp import Tcp
+from rtf.middleware.carriers.stream_carrier import TCP
 from rtf.middleware.errors import ConnectError, MiddlewareError, NameNotFoundError, PortClosedError
 from rtf.middleware.ports.dialect_probe import dialect_of_reader
 from rtf.middleware.ports.outputs import Output
@@ -101,7 +101,7 @@ class Caller:
         except ConnectError as error:
             raise ConnectError(f"{error}; 'rtf clean' forgets ports that are gone") from None
         try:
-            self._link = Tcp().call(stream, _LABEL)
+            self._link = TCP.call(stream, _LABEL)
             self._reader = Output(self._link, found, partial(dialect_of_reader, network, self._link.carrier, found))
         except MiddlewareError:
             stream.close()

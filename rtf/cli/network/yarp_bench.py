@@ -45,21 +45,19 @@ class Bench:
 
     def run(self, *words: str, text: str = "") -> str:
         """Run a ``yarp`` command to its end and return what it printed. Raises CheckError if it fails."""
-        try:
-            done = subprocess.run(
-                ["yarp", *words],
-                input=text,
-                capture_output=True,
-                text=True,
-                timeout=PATIENCE,
-                env=self.environment,
-                check=False,
-            )
-        except subprocess.TimeoutExpired:
-            raise CheckError(f"'yarp {' '.join(words)}' did not end within {PATIENCE:g} s") from None
+        done = self.complete("yarp", *words, text=text)
         if done.returncode:
             raise CheckError(f"'yarp {' '.join(words)}' ended with {done.returncode}: {done.stderr.strip()[-300:]}")
         return done.stdout
+
+    def complete(self, *words: str, text: str = "") -> subprocess.CompletedProcess[str]:
+        """Run a program to its end, whatever its exit code. Raises CheckError if it does not end."""
+        try:
+            return subprocess.run(
+                words, input=text, capture_output=True, text=True, timeout=PATIENCE, env=self.environment, check=False
+            )
+        except subprocess.TimeoutExpired:
+            raise CheckError(f"'{' '.join(words)}' did not end within {PATIENCE:g} s") from None
 
     def start(self, *words: str, tool: str = "yarp") -> subprocess.Popen[str]:
         """Start a command of ``yarp``, or of another tool, that goes on; it ends with the check."""

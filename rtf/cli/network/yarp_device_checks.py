@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import re
 import shutil
-import subprocess
 from contextlib import closing
 from typing import TYPE_CHECKING, TypeVar
 
 from rtf import clock
 from rtf.bottle import Property
 from rtf.cli.network.yarp_bench import LOOK_AGAIN, PATIENCE, Bench, CheckError, NotApplicableError, await_that
-from rtf.robot.client import boards
-from rtf.robot.client.frame_grabber import FrameGrabberClient
+from rtf.robot.boards import client as boards
 from rtf.robot.errors import RobotError, StaleStateError
+from rtf.robot.sensors.camera import FrameGrabberClient
 
 if TYPE_CHECKING:
+    import subprocess
     from collections.abc import Callable, Iterator
 
     from rtf.middleware.types import Image
@@ -95,17 +95,7 @@ def _require(bench: Bench, *devices: str) -> None:
     """Raise NotApplicableError if the installed YARP lacks one of the devices."""
     if shutil.which("yarpdev") is None:
         raise NotApplicableError("there is no 'yarpdev' on PATH")
-    try:
-        done = subprocess.run(
-            ["yarpdev", "--list"],
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE,
-            env=bench.environment,
-            check=False,
-        )
-    except subprocess.TimeoutExpired:
-        raise CheckError(f"'yarpdev --list' did not end within {PATIENCE:g} s") from None
+    done = bench.complete("yarpdev", "--list")
     listed = set(re.findall(r'Device "(\w+)"', done.stdout + done.stderr))
     missing = [device for device in devices if device not in listed]
     if missing:

@@ -2,22 +2,18 @@
 
 An *input link* is the end that receives messages and replies, an *output link* the end that sends. Each is used by one
 thread at a time; ``close`` may be called by any. For any behaviour of a peer, all of them raise only MiddlewareError
-and its subclasses. ``StreamInput`` and ``StreamOutput`` are the ends of a connection over a stream, for any protocol.
+and its subclasses. Those of a connection over a stream are in :mod:`rtf.middleware.carriers.stream_carrier`.
 """
 
 from __future__ import annotations
 
-import contextlib
-import struct
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, Protocol
 
 from rtf.bottle import BottleError
-from rtf.bottle.binary import TruncatedBottleError
-from rtf.middleware.errors import ConnectError, MiddlewareError, ProtocolError
-from rtf.middleware.types.codecs import Arriving, other_dialect
-from rtf.middleware.wire import framing, modifiers
+from rtf.middleware.errors import ConnectError, ProtocolError
+from rtf.middleware.types.codecs import other_dialect
 
 if TYPE_CHECKING:
     import socket as sockets
@@ -29,11 +25,7 @@ if TYPE_CHECKING:
     from rtf.middleware.wire.contact import Contact
     from rtf.middleware.wire.outgoing_message import OutgoingMessage
     from rtf.middleware.wire.page import Page
-
-#: A received message: the letter of its command, the text that came with it (an envelope, a name), and the data.
-Message: TypeAlias = "tuple[str, str, Buffer]"
-#: Seconds that a peer has to answer the end of a connection.
-_PATIENCE = 1.0
+    from rtf.middleware.wire.protocol import Caller, Message
 
 
 class CarrierNetwork(Protocol):
@@ -76,14 +68,19 @@ class CarrierPort(Protocol):
 
 
 class InputLink(ABC):
-    """The receiving end. ``sender`` is the port at the other end, ``modifiers`` the text behind its name."""
+    """The receiving end, usually of a connection over a stream.
 
-    carrier: Carrier
-    sender: str
-    modifiers: str = ""
+    ``sender`` is the port at the other end, ``modifiers`` the text behind its name.
+    """
+
     #: Messages up to this many bytes are in memory that is reused; larger ones belong to the receiver.
     reuses: float = float("inf")
-    endpoint: sockets.socket | None = None
+
+    def __init__(self, carrier: Carrier, stream: Stream, caller: Caller) -> None:
+        self.carrier = carrier
+        self.sender, self.modifiers = caller
+        self.endpoint: sockets.socket | None = stream.socket
+        self._stream = stream
 
     def welcome(self, stream: Stream, port: CarrierPort) -> None:  # noqa: B027 - some carriers have no reply to the handshake
         """Reply to the handshake. Called once, when the port counts the caller among its inputs.
@@ -105,35 +102,21 @@ class InputLink(ABC):
         """Return an output that uses this connection from now on. Raises ProtocolError if the carrier is one-way."""
         raise ProtocolError(f"a connection by {self.carrier.name} cannot be reversed; tcp and text can")
 
-    @abstractmethod
     def close(self) -> None:
         """End the connection and any wait in it. A second call has no effect."""
+        self._stream.close()
 
     def release(self) -> None:  # noqa: B027 - most have nothing to do
         """Release resources that a waiting thread still used. Called once, by that thread, at its end."""
 
 
-class PollableInputLink(InputLink):
-    """An input link that can also be read without waiting, so that one thread can serve many."""
-
-    @abstractmethod
-    def fill(self) -> None:
-        """Read what has arrived, if anything. Raises StreamClosedError at the end of the connection."""
-
-    @abstractmethod
-    def missing(self) -> int:
-        """Return how many bytes of the next message are known to be missing; 0: ``receive`` will not wait."""
-
-    @abstractmethod
-    def acknowledge(self, count: int) -> None:
-        """Acknowledge ``count`` messages that have no reply. Raises WaitTimeoutError instead of waiting."""
-
-
 class OutputLink(ABC):
-    """The sending end."""
+    """The sending end, usually of a connection over a stream."""
 
-    carrier: Carrier
-    endpoint: sockets.socket | None = None
+    def __init__(self, carrier: Carrier, stream: Stream) -> None:
+        self.carrier = carrier
+        self.endpoint: sockets.socket | None = stream.socket
+        self._stream = stream
 
     @abstractmethod
     def send(self, message: OutgoingMessage) -> None:
@@ -163,12 +146,13 @@ class OutputLink(ABC):
     def finish(self) -> None:  # noqa: B027 - for carriers that have acknowledgements
         """Wait for the acknowledgement of the last message, if the carrier has one."""
 
-    def limit_waiting(self, seconds: float | None) -> None:  # noqa: B027 - for carriers that wait
+    def limit_waiting(self, seconds: float | None) -> None:
         """Set the timeout in seconds after which a wait raises WaitTimeoutError; None: no timeout."""
+        self._stream.limit_waiting(seconds)
 
-    @abstractmethod
-    def close(self, *, politely: bool = True) -> None:
+    def close(self, *, politely: bool = True) -> None:  # noqa: ARG002 - for carriers whose peer is told
         """End the connection; ``politely`` tells the peer first. A second call has no effect."""
+        self._stream.close()
 
 
 @dataclass(slots=True)
@@ -182,20 +166,20 @@ class Group:
 class Carrier(ABC):
     """A kind of connection. One stateless object serves the whole process."""
 
-    name: ClassVar[str]
+    name: str
     #: The eight bytes with which a connection of this kind begins.
-    header: ClassVar[bytes]
-    acknowledged: ClassVar[bool] = False
+    header: bytes
+    acknowledged: bool = False
     #: Messages are datagrams: the end of the connection cannot be seen, and is signalled over another connection.
-    connectionless: ClassVar[bool] = False
+    connectionless: bool = False
     #: Data are lines of text.
-    text: ClassVar[bool] = False
+    text: bool = False
     #: Messages are encoded in the dialect of the reader; else the reader gets text, objects or pictures.
-    has_dialects: ClassVar[bool] = True
+    has_dialects: bool = True
     #: The first eight bytes are the start of the first message: ``accept`` finds them unread.
-    keeps_header: ClassVar[bool] = False
+    keeps_header: bool = False
     #: The port that receives opens the connection, and ``pull_from`` performs the handshake.
-    pull: ClassVar[bool] = False
+    pull: bool = False
 
     def matches(self, header: bytes) -> bool:
         """Return whether a connection with this header is of this kind."""
@@ -218,89 +202,3 @@ class Carrier(ABC):
         Raises ConnectError if the carrier is not one of ``pull``.
         """
         raise ConnectError(f"{self.name} is not a carrier by which a port asks for messages")
-
-
-class StreamInput(InputLink):
-    """The receiving end of a connection over a stream."""
-
-    #: The acknowledgement of a message, for carriers that have one.
-    acknowledgement: ClassVar[bytes] = b""
-
-    def __init__(self, carrier: Carrier, stream: Stream, sender: str, modified: str = "") -> None:
-        self.carrier = carrier
-        self.sender = sender
-        self.modifiers = modified
-        self.endpoint = stream.socket
-        self._stream = stream
-        self._acknowledged = carrier.acknowledged
-
-    def answer(self, *reply: Buffer) -> None:
-        if self._acknowledged:
-            self._stream.send(*reply, self.acknowledgement)
-        elif reply:
-            self._stream.send(*reply)
-
-    def close(self) -> None:
-        self._stream.close()
-
-
-class StreamOutput(OutputLink):
-    """The sending end of a connection over a stream. ``_due`` counts the outstanding acknowledgements."""
-
-    def __init__(self, carrier: Carrier, stream: Stream, no_reply: bytes = b"") -> None:
-        self.carrier = carrier
-        self.endpoint = stream.socket
-        self._stream = stream
-        self._acknowledged = carrier.acknowledged
-        self._no_reply = no_reply  # the first bytes of a peer that has no reply
-        self._due = 0
-
-    def receive_reply(self, codec: Codec[object], dialect: Dialect) -> object | None:
-        """Return the reply. It has no length prefix: it is read until it is complete."""
-        stream = self._stream
-        no_reply = self._no_reply
-        if stream.start == stream.end:
-            stream.more()
-        arriving: Arriving[object] | None = None
-        while True:
-            window = stream.view[stream.start : stream.end]
-            if no_reply and stream.memory.startswith(no_reply, stream.start, stream.end):
-                return None
-            try:
-                # Usually the reply is complete, and no partial scan has to be remembered.
-                reply, size = arriving.read(window) if arriving else codec.decode_from(window, dialect)
-            except TruncatedBottleError as error:
-                arriving = arriving or Arriving(codec, dialect)
-                stream.more_towards(error.needed)
-                continue
-            stream.start += size
-            return reply
-
-    def limit_waiting(self, seconds: float | None) -> None:
-        self._stream.limit_waiting(seconds)
-
-    def close(self, *, politely: bool = True) -> None:
-        if politely:
-            with contextlib.suppress(MiddlewareError, OSError):  # the peer is gone already
-                self._stream.limit_waiting(_PATIENCE)
-                self._send_quit()
-        self._stream.close()
-
-    def _send_quit(self) -> None:
-        """Send the quit command, for protocols that have one."""
-
-
-def introduction(port: CarrierPort, target: Contact) -> str:
-    """Return the name of a caller and the modifiers of its connection. Raises ConnectError if they are too long."""
-    text = f"{port.name} {modifiers.split(target.carrier)[1]}".rstrip()
-    if text != port.name and len(text.encode("utf-8", "surrogateescape")) >= framing.MAX_NAME:
-        raise ConnectError(f"the modifiers of {target.carrier[:80]}… are too long")
-    return text
-
-
-def read_sender(stream: Stream) -> tuple[str, str]:
-    """Read the name of a binary carrier's sender, and the modifiers behind it."""
-    (size,) = struct.unpack("<i", stream.take(4))
-    raw = bytes(stream.take(min(max(size, 1), framing.MAX_NAME)))
-    name, _, modified = raw.split(b"\0", 1)[0].decode("utf-8", "surrogateescape").partition(" ")
-    return name, modified

@@ -1,8 +1,7 @@
 """``udp`` and ``mcast``: messages split into datagrams. They may be lost, without notice, but never mixed up.
 
-A datagram is a checksum (CRC-32) of what follows its first eight bytes, a counter that begins at 0 with each message,
-and a piece of the bytes that would travel over TCP. When a piece is missing or damaged, the rest of its message is
-discarded. An end that closes tells the other one over a short text connection.
+An end that closes tells the other one over a short text connection. The datagrams themselves are defined in
+:mod:`rtf.middleware.wire.datagrams`.
 """
 
 from __future__ import annotations
@@ -11,15 +10,17 @@ import contextlib
 import os
 import socket
 import struct
-import zlib
 from collections import deque
 from typing import TYPE_CHECKING
 
-from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink, introduction, read_sender
+from rtf.middleware.carriers.base import Carrier, InputLink, OutputLink
 from rtf.middleware.carriers.stream import Stream, StreamClosedError
-from rtf.middleware.carriers.text import tell_end
+from rtf.middleware.carriers.stream_carrier import introduction, tell_end
 from rtf.middleware.errors import ConnectError, MiddlewareError, ProtocolError, WaitTimeoutError
 from rtf.middleware.wire import framing
+from rtf.middleware.wire.datagrams import MAX_DATAGRAM, Assembler, split
+from rtf.middleware.wire.inbox import CHUNK
+from rtf.middleware.wire.protocol import read_caller
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -27,12 +28,8 @@ if TYPE_CHECKING:
     from rtf.middleware.carriers.base import CarrierPort, Group
     from rtf.middleware.wire.contact import Contact
     from rtf.middleware.wire.outgoing_message import OutgoingMessage
+    from rtf.middleware.wire.protocol import Caller, Message
 
-#: The largest datagram, its first eight bytes included.
-MAX_DATAGRAM = 65_499
-_head = struct.Struct("<Ii")
-#: Counters: of a datagram that may follow any other, and of none that may follow.
-_UNCHECKED, _NONE = -1, -2
 #: Seconds that a receiver may take to join a group.
 _JOINING = 0.5
 #: The requested size of the kernel's receive buffer, in bytes.
@@ -49,69 +46,6 @@ _MOST_WAITING = 16 << 20
 _OVERHEAD = 64
 
 
-def cut(data: bytes, size: int = MAX_DATAGRAM) -> list[bytes]:
-    """Split a message into datagrams."""
-    piece = size - _head.size
-    datagrams = []
-    for number, start in enumerate(range(0, len(data), piece)):
-        payload = data[start : start + piece]
-        datagrams.append(_head.pack(zlib.crc32(payload), number) + payload)
-    return datagrams
-
-
-class Assembler:
-    """Assembles messages from datagrams. ``lost`` counts the messages of which only a part arrived."""
-
-    def __init__(self) -> None:
-        self.lost = 0
-        self._data = bytearray()
-        self._next = _NONE  # the expected counter
-
-    def feed(self, datagram: bytes) -> memoryview | None:
-        """Process a datagram. Return the message that it completes, from its port command on, or None."""
-        try:
-            return self._add(datagram)
-        except ProtocolError:
-            self._give_up()
-            return None
-
-    def _add(self, datagram: bytes) -> memoryview | None:
-        if len(datagram) < _head.size:
-            raise ProtocolError(f"a datagram of {len(datagram)} bytes")
-        checksum, number = _head.unpack_from(datagram)
-        payload = memoryview(datagram)[_head.size :]
-        if number == 0:
-            self._give_up()
-            self._next = 0
-        if self._next == _NONE or number not in (self._next, _UNCHECKED) or zlib.crc32(payload) != checksum:
-            raise ProtocolError(f"datagram {number} is damaged, or those before it are missing")
-        self._next += 1
-        self._data += payload
-        begin, end = self._extent()
-        if len(self._data) < end:
-            return None
-        message = memoryview(self._data)[begin:end]
-        self._data, self._next = bytearray(), _NONE
-        return message
-
-    def _extent(self) -> tuple[int, int]:
-        """Return where the message begins and ends. Until its index is complete that is the end of the index."""
-        data = self._data
-        begin = framing.INDEX_SIZE
-        if len(data) < begin:
-            return 0, begin
-        blocks, rest = framing.index_rest(data)
-        begin += rest
-        if len(data) < begin:
-            return 0, begin
-        return begin, begin + framing.message_size(data, framing.INDEX_SIZE, blocks)
-
-    def _give_up(self) -> None:
-        self.lost += bool(self._data)
-        self._data.clear()
-        self._next = _NONE
-
-
 class DatagramInput(InputLink):
     """The receiving end.
 
@@ -120,13 +54,13 @@ class DatagramInput(InputLink):
     """
 
     endpoint: socket.socket
-    reuses = 0
+    reuses = CHUNK
 
     def __init__(
         self,
         carrier: Carrier,
         receiving: socket.socket,
-        caller: tuple[str, str],
+        caller: Caller,
         report: Callable[[str], object],
         reply: bytes = b"",
     ) -> None:
@@ -139,7 +73,6 @@ class DatagramInput(InputLink):
         self._waiting: deque[bytes] = deque()
         self._size = 0  # memory of the waiting datagrams
         self._closed = False
-        self._report = report
 
     def welcome(self, stream: Stream, port: CarrierPort) -> None:  # noqa: ARG002 - the reply has the number of the datagrams
         if self._reply:
@@ -153,9 +86,7 @@ class DatagramInput(InputLink):
             self._size -= len(datagram) + _OVERHEAD
             message = self._assembler.feed(datagram)
             if message is not None:
-                with contextlib.suppress(ProtocolError):  # an invalid message counts as lost
-                    command = framing.read_command(message)
-                    return command.key, command.text, memoryview(message)[command.data :]
+                return message
 
     def _take_all(self) -> None:
         """Take the datagrams that have arrived. Wait for one if none is waiting."""
@@ -222,12 +153,15 @@ class DatagramOutput(OutputLink):
     def send(self, message: OutgoingMessage) -> None:
         data = b"".join([framing.front(message.key, message.envelope, message.size), *message.blocks])
         try:
-            for datagram in cut(data, self._size or MAX_DATAGRAM):
+            for datagram in split(data, self._size or MAX_DATAGRAM):
                 self.endpoint.send(datagram)
         except ConnectionRefusedError:
             return  # the other end is down now;
         except OSError as error:
             raise StreamClosedError(f"cannot send to {self._target.name}: {error.strerror}") from None
+
+    def limit_waiting(self, seconds: float | None) -> None:
+        """Do nothing: a sender of datagrams never waits."""
 
     def close(self, *, politely: bool = True) -> None:
         """End the connection; ``politely`` tells the other port over a separate connection."""
@@ -256,7 +190,7 @@ class Udp(Datagrams):
 
     def accept(self, stream: Stream, port: CarrierPort) -> InputLink:
         """Answer with the UDP port number to send to."""
-        caller = read_sender(stream)
+        caller = stream.run(read_caller(stream))
         receiving = _receiving_socket()
         try:
             receiving.bind((stream.socket.getsockname()[0] or port.contact.host, 0))
@@ -270,7 +204,7 @@ class Udp(Datagrams):
     def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:
         """Send from the local address of the handshake."""
         stream.send(self.header + framing.sender(introduction(port, target)))
-        number = framing.read_number(stream.take(8))
+        number = framing.read_number(stream.run(stream.take(8)))
         if not 0 < number < 1 << 16:
             raise ConnectError(f"{target.name} answered with the impossible UDP port {number}")
         own, peer = stream.socket.getsockname(), stream.socket.getpeername()
@@ -314,11 +248,11 @@ class Mcast(Datagrams):
 
     def accept(self, stream: Stream, port: CarrierPort) -> InputLink:
         """Join the multicast group that the caller names."""
-        caller = read_sender(stream)
-        group, number = struct.unpack(">4sH", stream.take(6))
+        caller = stream.run(read_caller(stream))
+        group, number = struct.unpack(">4sH", stream.run(stream.take(6)))
         interface = socket.inet_aton(stream.socket.getsockname()[0] or port.contact.host)
         if not 224 <= group[0] <= 239:  # noqa: PLR2004 - the addresses of groups (RFC 5771)
-            raise ProtocolError(f"{caller[0]} named {socket.inet_ntoa(group)}, which is not a multicast group")
+            raise ProtocolError(f"{caller.name} named {socket.inet_ntoa(group)}, which is not a multicast group")
         receiving = _receiving_socket()
         try:
             receiving.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -347,5 +281,9 @@ class Mcast(Datagrams):
         # The receiver closes the handshake when it has joined. Earlier datagrams would be lost.
         stream.limit_waiting(_JOINING)
         with contextlib.closing(stream), contextlib.suppress(StreamClosedError, WaitTimeoutError):
-            stream.more()
+            stream.more(1)
         return McastOutput(self, sending, port, target, group)
+
+
+UDP = Udp()
+MCAST = Mcast()

@@ -22,9 +22,10 @@ import h11
 
 from rtf.bottle import Bottle, BottleError
 from rtf.middleware.carriers import http_page
-from rtf.middleware.carriers.base import Carrier, InputLink, Message, StreamInput
+from rtf.middleware.carriers.base import Carrier, InputLink
 from rtf.middleware.carriers.stream import StreamClosedError
 from rtf.middleware.errors import ProtocolError
+from rtf.middleware.wire.protocol import Caller
 
 if TYPE_CHECKING:
     from typing import NoReturn
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from rtf.middleware.carriers.base import CarrierPort
     from rtf.middleware.carriers.stream import Stream
     from rtf.middleware.types.codecs import Buffer
+    from rtf.middleware.wire.protocol import Message
 
 #: The longest head of a request, in bytes; browsers send less than two thousand.
 MAX_HEAD = 1 << 14
@@ -47,11 +49,11 @@ _METHODS = (b"GET", b"HEAD", b"POST", b"PUT", b"DELETE", b"PATCH", b"OPTIONS")
 _TOKEN = secrets.token_urlsafe(16)
 
 
-class HttpInput(StreamInput):
+class HttpInput(InputLink):
     """One request of a browser. A page is sent at once; a form is a message to the owner of the port."""
 
     def __init__(self, carrier: Carrier, stream: Stream, port: CarrierPort) -> None:
-        super().__init__(carrier, stream, "http")  # not the name of a port: several browsers can ask one port at once
+        super().__init__(carrier, stream, Caller("http"))  # no port's name: several browsers can ask at once
         self._port = port
         self._conversation = h11.Connection(h11.SERVER, max_incomplete_event_size=MAX_HEAD)
         self._sent = ""
@@ -100,13 +102,13 @@ class HttpInput(StreamInput):
             if self._conversation.they_are_waiting_for_100_continue:
                 self._refuse(HTTPStatus.EXPECTATION_FAILED, "Send the form at once.")
             stream = self._stream
-            if not stream.buffered:
+            if not stream.unread:
                 try:
-                    stream.more()
+                    stream.more(1)
                 except StreamClosedError:
                     self._conversation.receive_data(b"")
                     continue
-            self._conversation.receive_data(bytes(stream.take(stream.buffered)))
+            self._conversation.receive_data(bytes(stream.pop(stream.unread)))
         return event  # type: ignore[return-value]  # NEED_DATA has been handled
 
     def _check(self, request: h11.Request) -> None:
@@ -190,6 +192,9 @@ class Http(Carrier):
     def accept(self, stream: Stream, port: CarrierPort) -> InputLink:
         """Return the link: there is no handshake before the request."""
         return HttpInput(self, stream, port)
+
+
+HTTP = Http()
 
 
 def _is_this_machine(host: str) -> bool:

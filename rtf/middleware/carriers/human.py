@@ -15,16 +15,20 @@ import socket
 import threading
 from typing import TYPE_CHECKING
 
-from rtf.middleware.carriers.base import Carrier, InputLink, OutputLink, StreamInput, introduction
+from rtf.middleware.carriers.base import Carrier, InputLink, OutputLink
 from rtf.middleware.carriers.stream import Stream, StreamClosedError
-from rtf.middleware.carriers.text import TextInput, TextOutput, tell_end
+from rtf.middleware.carriers.stream_carrier import StreamInput, StreamOutput, introduction, tell_end
 from rtf.middleware.errors import ConnectError, MiddlewareError
-from rtf.middleware.wire import framing
+from rtf.middleware.wire.lines import LineReceiver, LineSender, as_lines
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from rtf.middleware.carriers.base import CarrierNetwork, CarrierPort
     from rtf.middleware.types.codecs import Buffer
     from rtf.middleware.wire.contact import Contact
+    from rtf.middleware.wire.inbox import Reading
+    from rtf.middleware.wire.protocol import Caller
 
 _PREFIX = "human says "
 _ACK = b"computers rule!\r\n"
@@ -48,7 +52,7 @@ class _Terminal(Stream):
         self._keyboard = network.keyboard
         self._show = network.report
 
-    def more(self, size: int = 1, flags: int = 0) -> None:  # noqa: ARG002 - lines are short, and always waited for
+    def more(self, size: int, flags: int = 0) -> None:  # noqa: ARG002 - lines are short, and always waited for
         """Wait for something to be typed."""
         try:
             with self._closing:
@@ -70,12 +74,13 @@ class _Terminal(Stream):
             raise StreamClosedError(f"cannot read what is typed: {error.strerror}") from None
         if not typed:
             raise StreamClosedError("the end of what is typed")
-        self._make_room(self.buffered + len(typed))
-        self.view[self.end : self.end + len(typed)] = typed
-        self.end += len(typed)
+        self.feed(typed)
 
     def send(self, *blocks: Buffer) -> None:
-        for line in b"".join(blocks).decode("utf-8", "replace").splitlines():
+        self.send_bytes(b"".join(blocks))
+
+    def send_bytes(self, data: Buffer, flags: int = 0) -> None:  # noqa: ARG002 - a person is always waited for
+        for line in bytes(data).decode("utf-8", "replace").splitlines():
             self._show(f"Type this at the other terminal: {line}")
 
     def close(self) -> None:
@@ -92,44 +97,53 @@ def _in_background(keyboard: int) -> bool:
         return False
 
 
-class HumanInput(TextInput):
-    """The receiving end."""
+class HumanReceiver(LineReceiver):
+    """The receiving end: lines that a person types. ``show`` is called with a hint for a line of another form."""
 
     acknowledgement = _ACK
 
-    def __init__(self, carrier: Carrier, sender: str, modified: str, network: CarrierNetwork) -> None:
-        super().__init__(carrier, _Terminal(network), sender, modified)
+    def __init__(self, terminal: _Terminal, show: Callable[[str], object]) -> None:
+        super().__init__(terminal, acknowledged=True)
+        self._show = show
+
+    def _command(self) -> Reading[str]:
+        while not (line := (yield from super()._command())).startswith(_PREFIX):
+            self._show(f"Begin with {_PREFIX!r}")
+        return line.removeprefix(_PREFIX)
+
+
+class HumanSender(LineSender):
+    """The sending end. It waits until the acknowledgement is typed."""
+
+    acknowledgement = _ACK
+    prefix = _PREFIX
+
+
+class HumanInput(StreamInput):
+    """The receiving end, with its terminal."""
+
+    def __init__(self, carrier: Carrier, caller: Caller, network: CarrierNetwork) -> None:
+        terminal = _Terminal(network)
+        super().__init__(carrier, terminal, HumanReceiver(terminal, network.report), caller)
         self._show = network.report
 
     def welcome(self, stream: Stream, port: CarrierPort) -> None:  # noqa: ARG002 - a person is welcomed, not the peer
         self._show(f"{self.sender} sends to {port.name} by human: type here what its terminal shows")
 
-    def _command_line(self) -> str:
-        while not (line := super()._command_line()).startswith(_PREFIX):
-            self._show(f"Begin with {_PREFIX!r}")
-        return line.removeprefix(_PREFIX)
 
-    def reversed(self, stream: Stream) -> OutputLink:
-        return StreamInput.reversed(self, stream)
-
-
-class HumanOutput(TextOutput):
-    """The sending end. It waits until the acknowledgement is typed."""
-
-    acknowledgement = _ACK
+class HumanOutput(StreamOutput):
+    """The sending end, with its terminal."""
 
     def __init__(self, carrier: Carrier, port: CarrierPort, target: Contact) -> None:
-        super().__init__(carrier, _Terminal(port.network))
-        self._sender, self._network, self._target = port.name, port.network, target
-
-    def send_lines(self, *lines: str) -> None:
-        super().send_lines(f"{_PREFIX}{lines[0]}", *lines[1:])
+        terminal = _Terminal(port.network)
+        super().__init__(carrier, terminal, HumanSender(terminal, acknowledged=True))
+        self._name, self._network, self._target = port.name, port.network, target
 
     def close(self, *, politely: bool = True) -> None:  # noqa: ARG002 - there is no other way in which the peer notices
         """End the connection and tell the other port over a separate connection."""
         self._stream.close()
         with contextlib.suppress(OSError, MiddlewareError):  # the other port is gone
-            tell_end(self._network, self._target, self._sender)
+            tell_end(self._network, self._target, self._name)
 
 
 class Human(Carrier):
@@ -144,12 +158,15 @@ class Human(Carrier):
 
     def accept(self, stream: Stream, port: CarrierPort) -> InputLink:
         """Read the caller's name from the rest of the line. There is no answer."""
-        name, _, modified = stream.take_line(framing.MAX_NAME).decode("utf-8", "surrogateescape").partition(" ")
-        return HumanInput(self, name, modified, port.network)
+        caller = stream.run(LineReceiver(stream, acknowledged=True).greeting())
+        return HumanInput(self, caller, port.network)
 
     def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:
         """Send the name of the caller. The connection over the network is needed no more."""
         output = HumanOutput(self, port, target)
-        stream.send(self.header + f"{introduction(port, target)}\r\n".encode("utf-8", "surrogateescape"))
+        stream.send(self.header + as_lines(introduction(port, target)))
         stream.close()
         return output
+
+
+HUMAN = Human()

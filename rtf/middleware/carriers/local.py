@@ -9,10 +9,11 @@ import threading
 from typing import TYPE_CHECKING
 from weakref import WeakValueDictionary
 
-from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink, StreamInput, StreamOutput, read_sender
+from rtf.middleware.carriers.base import Carrier, InputLink, OutputLink
 from rtf.middleware.carriers.stream import StreamClosedError
 from rtf.middleware.errors import ConnectError
 from rtf.middleware.wire import framing, modifiers
+from rtf.middleware.wire.protocol import read_caller
 
 if TYPE_CHECKING:
     from rtf.bottle import Dialect
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from rtf.middleware.types.codecs import Codec
     from rtf.middleware.wire.contact import Contact
     from rtf.middleware.wire.outgoing_message import OutgoingMessage
+    from rtf.middleware.wire.protocol import Message
 
 #: The ports of this process, by host and port number.
 _ports: WeakValueDictionary[tuple[str, int], CarrierPort] = WeakValueDictionary()
@@ -37,16 +39,15 @@ def ports_here() -> list[CarrierPort]:
     return [port for port in ports if port is not None and not port.closed]
 
 
-class LocalInput(StreamInput):
+class LocalInput(InputLink):
     """The receiving end. It only notices the end of the connection; messages bypass it."""
 
     def receive(self) -> Message:
         """Wait for the end of the connection: messages bypass this link."""
-        while True:
-            self._stream.take(1)
+        self._stream.discard()
 
 
-class LocalOutput(StreamOutput):
+class LocalOutput(OutputLink):
     """The sending end: it calls the receiving port directly."""
 
     def __init__(self, carrier: Carrier, stream: Stream, sender: str, target: CarrierPort) -> None:
@@ -85,7 +86,7 @@ class Local(Carrier):
 
     def accept(self, stream: Stream, port: CarrierPort) -> InputLink:  # noqa: ARG002
         """Read the caller's name."""
-        return LocalInput(self, stream, read_sender(stream)[0])
+        return LocalInput(self, stream, stream.run(read_caller(stream)))
 
     def connect(self, stream: Stream, port: CarrierPort, target: Contact) -> OutputLink:
         """Find the target port in this process."""
@@ -96,3 +97,6 @@ class Local(Carrier):
             raise ConnectError(f"{target.name} is not a port of this process: connect it by tcp or unix_stream")
         stream.send(self.header + framing.sender(port.name))
         return LocalOutput(self, stream, port.name, other)
+
+
+LOCAL = Local()

@@ -14,16 +14,20 @@ import numpy as np
 
 from rtf.bottle import Dialect
 from rtf.errors import RtfError
-from rtf.middleware.carriers.base import Carrier, InputLink, Message, OutputLink, StreamInput, StreamOutput
+from rtf.middleware.carriers.base import Carrier, InputLink, OutputLink
+from rtf.middleware.carriers.stream_carrier import StreamInput
 from rtf.middleware.errors import ConnectError, ProtocolError
 from rtf.middleware.types.image import Image
+from rtf.middleware.wire.protocol import Caller, Receiver
 
 if TYPE_CHECKING:
     from rtf.middleware.carriers.base import CarrierPort
     from rtf.middleware.carriers.stream import Stream
-    from rtf.middleware.types.codecs import Buffer, Codec
+    from rtf.middleware.types.codecs import Buffer
     from rtf.middleware.wire.contact import Contact
+    from rtf.middleware.wire.inbox import Inbox, Reading, Steps
     from rtf.middleware.wire.outgoing_message import OutgoingMessage
+    from rtf.middleware.wire.protocol import Message, Messages
 
 IMAGE = Image.codec
 _BOUNDARY = b"--boundarydonotcross\r\n"
@@ -45,13 +49,27 @@ MAX_PIXELS = 1 << 26
 _QUALITY = 85
 
 
-class MjpegRequest(StreamInput):
+class MjpegReceiver(Receiver):
+    """The receiving end: parts of a document, each with a picture."""
+
+    def messages(self) -> Messages:
+        """Receive pictures, as encoded images in ``rgb``."""
+        while True:
+            while not (head := (yield from _head(self.inbox))):
+                pass  # a blank line ends the part before
+            data = yield from self.inbox.take(_length(head))
+            picture, envelope = decode_jpeg(bytes(data))
+            del data  # its memory is reused if nothing refers to it
+            yield "D", envelope, b"".join(IMAGE.encode(picture, Dialect.YARP3))
+
+
+class MjpegRequest(InputLink):
     """The request of a reader. It asks at once that the connection is reversed."""
 
     def __init__(self, carrier: Carrier, stream: Stream) -> None:
         host, number = stream.socket.getpeername()[:2]
         # Not the name of a port: a reader does not give one, and each is an output of its own.
-        super().__init__(carrier, stream, f"mjpeg-{host}:{number}")
+        super().__init__(carrier, stream, Caller(f"mjpeg-{host}:{number}"))
 
     def receive(self) -> Message:
         """Return the command that reverses the connection."""
@@ -65,7 +83,7 @@ class MjpegRequest(StreamInput):
         return MjpegOutput(self.carrier, stream)
 
 
-class MjpegOutput(StreamOutput):
+class MjpegOutput(OutputLink):
     """The sending end. Nothing is acknowledged, so a slow reader is noticed when the network's buffers are full."""
 
     def send(self, message: OutgoingMessage) -> None:
@@ -78,22 +96,6 @@ class MjpegOutput(StreamOutput):
         self._stream.send(
             b"Content-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n" % len(jpeg), jpeg, b"\r\n" + _BOUNDARY
         )
-
-    def receive_reply(self, codec: Codec[object], dialect: Dialect) -> object | None:  # noqa: ARG002 - there is none
-        return None
-
-
-class MjpegInput(StreamInput):
-    """The receiving end, of a connection that this side has opened."""
-
-    def receive(self) -> Message:
-        """Wait for the next picture and return it as an encoded image in ``rgb``."""
-        stream = self._stream
-        while not (head := _lines(stream)):
-            pass  # a blank line ends the part before
-        size = _length(head)
-        picture, envelope = decode_jpeg(bytes(stream.take(size)))
-        return "D", envelope, b"".join(IMAGE.encode(picture, Dialect.YARP3))
 
 
 class Mjpeg(Carrier):
@@ -108,24 +110,32 @@ class Mjpeg(Carrier):
         """Read the rest of the request."""
         if not port.allows_outputs:
             raise ConnectError("Outputs not allowed")
-        _lines(stream)
+        stream.run(_head(stream))
         return MjpegRequest(self, stream)
 
     def pull_from(self, stream: Stream, source: Contact) -> InputLink:
         """Ask a port or a network camera for its pictures."""
-        host = f"[{source.host}]" if ":" in source.host else source.host
-        stream.send(f"GET /?action=stream HTTP/1.1\r\nHost: {host}\r\n\r\n".encode())
-        status = stream.take_line()
-        if status.split(b" ")[1:2] != [b"200"]:
-            raise ProtocolError(f"{source.name or source} sends no pictures; it answered {status[:80]!r}")
-        _lines(stream)
-        return MjpegInput(self, stream, source.name)
+        stream.run(_ask(stream, source))
+        return StreamInput(self, stream, MjpegReceiver(stream, acknowledged=False), Caller(source.name))
 
 
-def _lines(stream: Stream) -> list[bytes]:
-    """Return the lines up to a blank one, which is read, too."""
+MJPEG = Mjpeg()
+
+
+def _ask(inbox: Inbox, source: Contact) -> Steps[None]:
+    """Send a request for pictures and read the head of the answer."""
+    host = f"[{source.host}]" if ":" in source.host else source.host
+    yield f"GET /?action=stream HTTP/1.1\r\nHost: {host}\r\n\r\n".encode()
+    status = yield from inbox.line()
+    if status.split(b" ")[1:2] != [b"200"]:
+        raise ProtocolError(f"{source.name or source} sends no pictures; it answered {status[:80]!r}")
+    yield from _head(inbox)
+
+
+def _head(inbox: Inbox) -> Reading[list[bytes]]:
+    """Read the lines up to a blank one, which is read, too."""
     lines: list[bytes] = []
-    while line := stream.take_line():
+    while line := (yield from inbox.line()):
         lines.append(line)
         if len(lines) > _MOST_LINES:
             raise ProtocolError(f"a request or a part with more than {_MOST_LINES} lines before its end")

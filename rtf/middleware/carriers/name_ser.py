@@ -8,15 +8,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rtf.middleware.carriers.base import Carrier, InputLink, Message, StreamInput
+from rtf.middleware.carriers.base import Carrier, InputLink
+from rtf.middleware.carriers.stream_carrier import StreamInput
+from rtf.middleware.wire.name_server_lines import CommandReceiver
+from rtf.middleware.wire.protocol import Caller
 
 if TYPE_CHECKING:
     from rtf.middleware.carriers.base import CarrierPort
     from rtf.middleware.carriers.stream import Stream
+    from rtf.middleware.wire.protocol import Message
 
-_PREFIX = b"NAME_SERVER"
-#: The longest command, in bytes. The longest useful one names every carrier and address of a machine.
-MAX_COMMAND = 1 << 14
 #: Seconds that a caller may keep a connection open without a command.
 _PATIENCE = 30.0
 
@@ -25,10 +26,9 @@ class NameSerInput(StreamInput):
     """The receiving end."""
 
     def receive(self) -> Message:
-        """Wait for the next command. A line without the prefix is an empty command."""
+        """Wait for the next command."""
         self._stream.limit_waiting(_PATIENCE)
-        prefix, _, command = self._stream.take_line(MAX_COMMAND).partition(b" ")
-        return "d", "", command if prefix == _PREFIX else b""
+        return super().receive()
 
 
 class NameSer(Carrier):
@@ -41,4 +41,7 @@ class NameSer(Carrier):
 
     def accept(self, stream: Stream, port: CarrierPort) -> InputLink:  # noqa: ARG002 - there is no greeting
         """Return the link: there is no handshake before the first command."""
-        return NameSerInput(self, stream, "anon")
+        return NameSerInput(self, stream, CommandReceiver(stream, acknowledged=False), Caller("anon"))
+
+
+NAME_SER = NameSer()

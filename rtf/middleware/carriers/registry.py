@@ -12,21 +12,21 @@ from rtf.middleware.wire import modifiers
 if TYPE_CHECKING:
     from rtf.middleware.carriers.base import Carrier
 
-#: The module and class of each carrier, imported on first use. The order is that in which headers are matched.
+#: The module and name of each carrier, imported on first use. The order is that in which headers are matched.
 _HOMES = {
-    "http": "http:Http",
-    "name_ser": "name_ser:NameSer",
-    "tcp": "tcp:Tcp",
-    "fast_tcp": "tcp:FastTcp",
-    "udp": "datagram:Udp",
-    "mcast": "datagram:Mcast",
-    "local": "local:Local",
-    "human": "human:Human",
-    "text": "text:Text",
-    "text_ack": "text:TextAck",
-    "unix_stream": "unix_stream:UnixStream",
-    "unix_stream+ack": "unix_stream:UnixStreamAck",
-    "mjpeg": "mjpeg:Mjpeg",
+    "http": "http:HTTP",
+    "name_ser": "name_ser:NAME_SER",
+    "tcp": "stream_carrier:TCP",
+    "fast_tcp": "stream_carrier:FAST_TCP",
+    "udp": "datagram:UDP",
+    "mcast": "datagram:MCAST",
+    "local": "local:LOCAL",
+    "human": "human:HUMAN",
+    "text": "stream_carrier:TEXT",
+    "text_ack": "stream_carrier:TEXT_ACK",
+    "unix_stream": "unix_stream:UNIX_STREAM",
+    "unix_stream+ack": "unix_stream:UNIX_STREAM_ACK",
+    "mjpeg": "mjpeg:MJPEG",
 }
 
 
@@ -39,9 +39,8 @@ def by_name(name: str) -> Carrier:
     home = _HOMES.get(name)
     if home is None:
         raise ConnectError(f"there is no carrier {name!r}; the carriers are {', '.join(_HOMES)}")
-    module, _, cls = home.partition(":")
-    made: Carrier = getattr(import_module(f"rtf.middleware.carriers.{module}"), cls)()
-    return made
+    module, _, carrier = home.partition(":")
+    return getattr(import_module(f"rtf.middleware.carriers.{module}"), carrier)  # type: ignore[no-any-return]
 
 
 def for_header(header: bytes) -> Carrier | None:

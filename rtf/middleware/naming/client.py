@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TypeAlias
 from rtf import clock
 from rtf.bottle import Bottle, to_string
 from rtf.middleware.carriers import registry
-from rtf.middleware.carriers.tcp_connection import open_stream
+from rtf.middleware.carriers.stream import open_stream
 from rtf.middleware.errors import AddressError, ConnectError, MiddlewareError, NameServerError, ProtocolError
 from rtf.middleware.naming.network_interfaces import own_addresses
 from rtf.middleware.naming.registration_keeper import Record, RegistrationKeeper
@@ -160,7 +160,7 @@ def _answer(stream: Stream, deadline: clock.Deadline, *, one_line: bool) -> Line
     lines: Lines = []
     size = 0
     while True:
-        raw = stream.take_line()
+        raw = stream.run(stream.line())
         lines.append(raw.decode("utf-8", "surrogateescape"))
         if one_line or lines[-1].startswith(("*", "[")):
             return lines

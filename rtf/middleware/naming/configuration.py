@@ -13,9 +13,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtf.bottle import Bottle, Dialect, as_int, as_string
+from rtf.bottle import Bottle, Dialect, as_int, as_string, to_string
 from rtf.errors import RtfError
-from rtf.middleware.carriers.authentication import find_key
 from rtf.middleware.errors import AddressError, ConnectError, MiddlewareError
 from rtf.middleware.ports.network import Network, Opening
 from rtf.middleware.wire.contact import Contact
@@ -27,6 +26,7 @@ if TYPE_CHECKING:
 
 NAMESPACE = "/root"
 _NAMESPACE_FILE = "yarp_namespace.conf"
+_KEY_FILE, _KEY_SECTION = "auth.conf", "AUTH"
 _STANDARD_PORT = 10000
 _HIGHEST = 65535
 _MOST = 25_600
@@ -204,6 +204,18 @@ def _names_of(namespace: str, environment: Mapping[str, str]) -> Names:
     from rtf.middleware.naming.network_interfaces import chosen_address
 
     return RemoteNames(place.contact, address=chosen_address(environment), key=find_key(environment))
+
+
+def find_key(environment: Mapping[str, str] | None = None) -> bytes:
+    """Return the key of this process's network; empty if authentication is off. Raises ResourceError."""
+    from rtf.resources import ResourceFinder, read_property_file
+
+    path = ResourceFinder(environment=environment).search(_KEY_FILE).path
+    if path is None:
+        return b""
+    section = read_property_file(path, environment=environment).properties.find_group(_KEY_SECTION)
+    key = None if section is None else section.find("key")
+    return b"" if key is None else to_string(key).encode("utf-8", "surrogateescape")
 
 
 def find_dialect(environment: Mapping[str, str] | None = None) -> Dialect | None:

@@ -16,8 +16,8 @@ import zlib
 from typing import TYPE_CHECKING
 
 from rtf import clock
-from rtf.middleware.carriers.datagram import cut
 from rtf.middleware.naming.network_interfaces import own_addresses
+from rtf.middleware.wire.datagrams import split
 from rtf.middleware.wire.name_server_lines import END, QUERY, read_registration, registration
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class Answerer:
 
     def __init__(self, contact: Contact, port: int = PORT) -> None:
         self._query = f"{QUERY} {contact.name}".encode()
-        self._answer = cut(f"{registration(contact)}\r\n{END}\r\n".encode())[0]
+        self._answer = split(f"{registration(contact)}\r\n{END}\r\n".encode())[0]
         self._group = (GROUP, port)
         self._socket = _joined([contact.host], port)
         _speak_on(self._socket, contact.host)
@@ -83,7 +83,7 @@ def detect(
 
 
 def _ask(namespace: str, addresses: list[str], port: int) -> None:
-    query = cut(f"{QUERY} {namespace}\n".encode())[0]
+    query = split(f"{QUERY} {namespace}\n".encode())[0]
     for address in addresses:
         with (
             contextlib.suppress(OSError),  # the interface does not support multicast

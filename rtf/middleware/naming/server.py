@@ -60,7 +60,7 @@ class NameServer:
 
     ``port`` 0 chooses a free one. ``portdb`` is a file in which names are stored for the next server. ``discovery`` is
     the port number at which it answers multicast queries on the interface of ``host``; 0: none. ``key`` is the shared
-    key, see :mod:`rtf.middleware.carriers.authentication`. ``report`` is called with a sentence for each action of its
+    key, see :mod:`rtf.middleware.wire.authentication`. ``report`` is called with a sentence for each action of its
     own. Raises ConnectError if the address cannot be used, MiddlewareError for the file.
     """
 

@@ -2,7 +2,7 @@
 
 YARP lets every program that reaches a port do both. A robot on a shared network can name its writers instead: the names
 of their ports and the addresses of their machines. A name is what the peer says of itself, so it guards against
-mistakes; against malice use addresses, or the shared key of :mod:`rtf.middleware.carriers.authentication`.
+mistakes; against malice use addresses, or the shared key of :mod:`rtf.middleware.wire.authentication`.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ import os
 import platform
 import sys
 import threading
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from rtf.bottle import Bottle, Property, Vocab, as_string
 from rtf.middleware.ports import describe, dialect_probe, qos
@@ -33,22 +33,6 @@ _COMMANDS = (
     ("[prop] [set] $key $value", "set a property; with a port's name: priority and quality of service"),
 )
 
-
-class AdministeredPort(describe.Connectable, Protocol):
-    """A port of which everything can be asked."""
-
-    @property
-    def properties(self) -> Property: ...
-    @property
-    def allows_inputs(self) -> bool: ...
-    @property
-    def allows_outputs(self) -> bool: ...
-    @property
-    def rpc(self) -> bool: ...
-    @property
-    def promise(self) -> str: ...
-
-
 #: The reply to a caller that may not change connections.
 NOT_ALLOWED = Bottle([_FAIL, describe.NOT_ALLOWED])
 
@@ -61,7 +45,7 @@ def changes(request: Bottle) -> bool:
     return command in _CHANGING
 
 
-def answer(port: AdministeredPort, request: Bottle) -> Bottle:
+def answer(port: describe.AdministeredPort, request: Bottle) -> Bottle:
     """Execute an admin request and return the reply. Runs in the thread of the input."""
     handler = _HANDLERS.get(_word(request.get(0)))
     if handler is None:
@@ -74,20 +58,20 @@ def _word(value: Value | None) -> str:
     return value.text if isinstance(value, Vocab) else as_string(value)[:4]
 
 
-def _help(_port: AdministeredPort, _request: Bottle) -> Bottle:
+def _help(_port: describe.AdministeredPort, _request: Bottle) -> Bottle:
     return Bottle([Vocab("many"), *(f"{command}  {text}" for command, text in _COMMANDS)])
 
 
-def _version(_port: AdministeredPort, _request: Bottle) -> Bottle:
+def _version(_port: describe.AdministeredPort, _request: Bottle) -> Bottle:
     return Bottle([Vocab("ver"), 1, 2, 3])
 
 
-def _add(port: AdministeredPort, request: Bottle) -> Bottle:
+def _add(port: describe.AdministeredPort, request: Bottle) -> Bottle:
     text = describe.add(port, as_string(request.get(1)), as_string(request.get(2)))
     return Bottle([0 if text.startswith("A") else -1, f"{text}\r\n"])
 
 
-def _del(port: AdministeredPort, request: Bottle) -> Bottle:
+def _del(port: describe.AdministeredPort, request: Bottle) -> Bottle:
     name = as_string(request.get(1))
     removed = describe.remove_output(port, name)
     if removed.startswith("R"):
@@ -98,7 +82,7 @@ def _del(port: AdministeredPort, request: Bottle) -> Bottle:
     return Bottle([-1, f"{removed}\r\n{other}\r\n"])
 
 
-def _list(port: AdministeredPort, request: Bottle) -> Bottle:
+def _list(port: describe.AdministeredPort, request: Bottle) -> Bottle:
     inward = _word(request.get(1)) == "in"
     connections: Sequence[qos.Connection] = port.inputs if inward else port.outputs
     name = as_string(request.get(2))
@@ -112,7 +96,7 @@ def _list(port: AdministeredPort, request: Bottle) -> Bottle:
     return Bottle()
 
 
-def _modify(port: AdministeredPort, request: Bottle) -> Bottle:
+def _modify(port: describe.AdministeredPort, request: Bottle) -> Bottle:
     """Answer ``get`` and ``set``. Only inputs with a priority have settings; others accept any and tell none."""
     inward = _word(request.get(1)) == "in"
     name = as_string(request.get(2))
@@ -133,20 +117,20 @@ def _modify(port: AdministeredPort, request: Bottle) -> Bottle:
     return Bottle([0, f"Configured connection {way} {name}\r\n"])
 
 
-def _attach(_port: AdministeredPort, request: Bottle) -> Bottle:
+def _attach(_port: describe.AdministeredPort, request: Bottle) -> Bottle:
     if _word(request.get(1)) not in ("in", "out"):
         return Bottle([_FAIL, "attach command must be followed by [out] or [in]"])
     return Bottle([_FAIL, "port monitors are not supported"])
 
 
-def _detach(_port: AdministeredPort, request: Bottle) -> Bottle:
+def _detach(_port: describe.AdministeredPort, request: Bottle) -> Bottle:
     """Refuse: ports of this library never have a monitor attached."""
     if _word(request.get(1)) not in ("in", "out"):
         return Bottle([_FAIL, "detach command must be followed by [out] or [in]"])
     return Bottle([_FAIL])
 
 
-def _property(port: AdministeredPort, request: Bottle) -> Bottle:
+def _property(port: describe.AdministeredPort, request: Bottle) -> Bottle:
     action = _word(request.get(1))
     key = as_string(request.get(2))
     if action == "get":
@@ -156,7 +140,7 @@ def _property(port: AdministeredPort, request: Bottle) -> Bottle:
     return Bottle([_FAIL, "property action not known"])
 
 
-def _get_property(port: AdministeredPort, key: str) -> Bottle:
+def _get_property(port: describe.AdministeredPort, key: str) -> Bottle:
     if key == port.name:
         return _about(port)
     if key.startswith("/"):
@@ -170,7 +154,7 @@ def _get_property(port: AdministeredPort, key: str) -> Bottle:
     return Bottle() if group is None else group.tail()
 
 
-def _set_property(port: AdministeredPort, key: str, request: Bottle) -> Bottle:
+def _set_property(port: describe.AdministeredPort, key: str, request: Bottle) -> Bottle:
     """Store the property; if the key is the name of a port, also apply the request to its connections."""
     value = request.get(3)
     if key == dialect_probe.KEY:
@@ -188,13 +172,13 @@ def _set_property(port: AdministeredPort, key: str, request: Bottle) -> Bottle:
     return Bottle([_OK if done and all(done) else _FAIL])
 
 
-def _connections(port: AdministeredPort, name: str) -> list[qos.Connection]:
+def _connections(port: describe.AdministeredPort, name: str) -> list[qos.Connection]:
     """Return the connections with a port, in both directions: two ports may send to each other."""
     everything: list[qos.Connection] = [*port.outputs, *port.inputs]
     return [connection for connection in everything if connection.peer == name]
 
 
-def _about(port: AdministeredPort) -> Bottle:
+def _about(port: describe.AdministeredPort) -> Bottle:
     thread = qos.thread_facts(threading.get_native_id())
     process = {
         "arguments": " ".join(sys.argv[1:]),
@@ -218,7 +202,7 @@ def _about(port: AdministeredPort) -> Bottle:
     )
 
 
-_HANDLERS: dict[str, Callable[[AdministeredPort, Bottle], Bottle]] = {
+_HANDLERS: dict[str, Callable[[describe.AdministeredPort, Bottle], Bottle]] = {
     "help": _help,
     "ver": _version,
     "add": _add,

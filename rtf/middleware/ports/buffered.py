@@ -141,15 +141,12 @@ class BufferedPort(Port, Generic[T]):
         An output that is still sending the previous message is skipped; if ``strict``, the call waits for all of them
         first. The object may be changed after the call, except while a ``local`` reader in this process uses it.
         """
-        self._check_open()
-        if envelope is not None:
-            self.envelope = envelope
+        message = self._message(value, self.codec, envelope)
+        if message is None:
+            return 0
+        message.freeze()
         with self._lock:
             senders = [*self._senders.values()]
-        if not senders:
-            return 0
-        message = self._message("D", value, self.codec, self.network.dialect)
-        message.freeze()
         if strict:
             for sender in senders:
                 sender.wait()

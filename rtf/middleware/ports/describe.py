@@ -10,13 +10,14 @@ from rtf.middleware.wire.contact import Contact
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from rtf.bottle import Property
     from rtf.middleware.ports.inputs import Input
     from rtf.middleware.ports.network import Network
     from rtf.middleware.ports.outputs import Output
 
 
-class Connectable(Protocol):
-    """A port whose connections can be shown and changed."""
+class AdministeredPort(Protocol):
+    """A port that can be described, and whose connections can be changed."""
 
     @property
     def name(self) -> str: ...
@@ -28,6 +29,16 @@ class Connectable(Protocol):
     def inputs(self) -> Sequence[Input]: ...
     @property
     def outputs(self) -> Sequence[Output]: ...
+    @property
+    def properties(self) -> Property: ...
+    @property
+    def allows_inputs(self) -> bool: ...
+    @property
+    def allows_outputs(self) -> bool: ...
+    @property
+    def rpc(self) -> bool: ...
+    @property
+    def promise(self) -> str: ...
 
     def add_output(self, target: str | Contact, carrier: str = "") -> Contact:
         """Connect to a port."""
@@ -64,7 +75,7 @@ def changes(key: str, text: str) -> bool:
     return key in ("/", "!", "~") or ":/" in text
 
 
-def answer(port: Connectable, key: str, text: str) -> str:
+def answer(port: AdministeredPort, key: str, text: str) -> str:
     """Execute a command that is neither data nor an admin request. Return the lines of the reply."""
     if key == "*":
         lines: tuple[str, ...] = tuple(connections(port))
@@ -81,7 +92,7 @@ def answer(port: Connectable, key: str, text: str) -> str:
     return "".join(f"{line}\r\n" for line in lines)
 
 
-def connections(port: Connectable) -> list[str]:
+def connections(port: AdministeredPort) -> list[str]:
     """Return the port's address and connections, one per line."""
     lines = [f"This is {port.name} at {port.contact.by('tcp')}"]
     outputs, inputs = port.outputs, port.inputs
@@ -94,7 +105,7 @@ def connections(port: Connectable) -> list[str]:
     return lines
 
 
-def add(port: Connectable, target: str, carrier: str = "") -> str:
+def add(port: AdministeredPort, target: str, carrier: str = "") -> str:
     """Connect an output. Return the result in YARP's words."""
     try:
         contact = Contact.parse(target)
@@ -109,14 +120,14 @@ def add(port: Connectable, target: str, carrier: str = "") -> str:
     return f"Added connection from {port.name} to {target if not carrier else f'{carrier}:/{contact.name}'}"
 
 
-def remove_output(port: Connectable, name: str) -> str:
+def remove_output(port: AdministeredPort, name: str) -> str:
     """Disconnect an output. Return the result in YARP's words."""
     if port.remove_output(name):
         return f"Removed connection from {port.name} to {name}"
     return f"Could not find an outgoing connection to {name}"
 
 
-def remove_input(port: Connectable, name: str) -> str:
+def remove_input(port: AdministeredPort, name: str) -> str:
     """Disconnect an input. Return the result in YARP's words."""
     if port.remove_input(name):
         return f"Removing connection from {name} to {port.name}"

@@ -11,7 +11,7 @@ import contextlib
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Bottle, BottleError, Dialect, Vocab
-from rtf.middleware.carriers.tcp import Tcp
+from rtf.middleware.carriers.stream_carrier import TCP
 from rtf.middleware.errors import MiddlewareError, NameNotFoundError, ProtocolError
 from rtf.middleware.ports.remote import administer
 from rtf.middleware.types.codecs import BOTTLE
@@ -52,7 +52,7 @@ def _ask(network: Network, reader: Contact) -> Dialect:
     if reply.get(1) == BOTH:
         return network.dialect
     with contextlib.closing(network.reach(found)) as stream:
-        link = Tcp().call(stream, "admin")
+        link = TCP.call(stream, "admin")
         link.send(OutgoingMessage("a", Bottle([Vocab("prop"), Vocab("get"), KEY]), BOTTLE, Dialect.YARP3))
         kept, dialect = link.receive_reply_in_any(BOTTLE, Dialect.YARP3)
     if kept != Bottle([_NUMBER]):

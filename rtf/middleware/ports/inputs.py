@@ -15,28 +15,31 @@ from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
 from rtf.errors import RtfError
-from rtf.middleware.carriers import authentication, registry
-from rtf.middleware.carriers.base import CarrierPort, PollableInputLink
+from rtf.middleware.carriers import registry
+from rtf.middleware.carriers.base import CarrierPort
 from rtf.middleware.carriers.socket_watcher import SocketWatcher
-from rtf.middleware.carriers.stream import CHUNK, Stream, StreamClosedError
+from rtf.middleware.carriers.stream import Stream, StreamClosedError
+from rtf.middleware.carriers.stream_carrier import StreamInput
 from rtf.middleware.errors import ConnectError, ProtocolError
 from rtf.middleware.ports.dialect_probe import dialect_of_reader
 from rtf.middleware.ports.outputs import Output
 from rtf.middleware.ports.qos import Connection
-from rtf.middleware.wire import modifiers
+from rtf.middleware.wire import authentication, modifiers
 from rtf.middleware.wire.contact import Contact
+from rtf.middleware.wire.inbox import CHUNK
+from rtf.middleware.wire.protocol import read_header
 
 if TYPE_CHECKING:
     import socket as sockets
     from collections.abc import Callable, Sequence
 
-    from rtf.middleware.carriers.base import InputLink, Message
+    from rtf.middleware.carriers.base import InputLink
     from rtf.middleware.ports.network import Network
     from rtf.middleware.types.codecs import Buffer
+    from rtf.middleware.wire.protocol import Message
 
 #: Seconds that a caller may take for the handshake. People type handshakes by hand, so it is long.
 _PATIENCE = 60.0
-_HEADER = 8
 #: Commands after which no further message is received.
 _LAST = frozenset("qr")
 #: The shared reader: reads all connections of non-blocking ports.
@@ -188,14 +191,14 @@ class Input(Connection):
     def _accept(self) -> InputLink:
         stream = self._stream
         if self.port.network.key:
-            authentication.accept(stream, self.port.network.key)
-        header = bytes(stream.peek(_HEADER))
+            stream.run(authentication.accept(stream, self.port.network.key))
+        header = stream.run(read_header(stream))
         carrier = registry.for_header(header)
         if carrier is None:
             stream.send(_UNKNOWN)
             raise ProtocolError(f"{header!r} is not the header of a known carrier")
         if not carrier.keeps_header:
-            stream.skip(_HEADER)
+            stream.pop(len(header))
         try:
             return carrier.accept(stream, self.port)
         except OSError as error:  # such as a caller that is gone
@@ -204,7 +207,7 @@ class Input(Connection):
     def _receive_all(self, link: InputLink, message: Message) -> bool:
         """Handle messages, starting with this one. Return whether the connection continues in another thread."""
         receive, answer, dispatch = link.receive, link.answer, self.port.dispatch
-        pollable = self.port.nonblocking and isinstance(link, PollableInputLink)
+        pollable = link if self.port.nonblocking and isinstance(link, StreamInput) and link.pollable else None
         # A closed connection stops here: its unread messages are older than those of the one that replaced it.
         while not self._closing:
             key, text, data = message
@@ -215,9 +218,15 @@ class Input(Connection):
                 return False
             answer(*dispatch(self, key, text, data))
             del message, data  # a callback that stored the data now owns them
-            if pollable and key == "D" and 0 < link.missing() <= CHUNK:  # type: ignore[attr-defined]  # see pollable
+            if pollable is None or key != "D":
+                message = receive()
+            elif not isinstance(found := pollable.poll(), int):
+                message = found
+                del found  # as above
+            elif found <= CHUNK:
                 return self._move_to_shared_thread()
-            message = receive()
+            else:
+                message = receive()
         return False
 
     def _turn_round(self, link: InputLink) -> None:
@@ -232,8 +241,7 @@ class Input(Connection):
             raise
         if link.carrier.pull:  # the reader says nothing more: all that can be read is its end
             with contextlib.suppress(StreamClosedError):
-                while True:
-                    self._stream.take(1)
+                self._stream.discard()
             self.port.end_output(output)
 
     def _move_to_shared_thread(self) -> bool:
@@ -256,21 +264,20 @@ class Input(Connection):
     def _receive_available(self) -> bool:
         """Handle all messages that have arrived completely."""
         link, dispatch = self.link, self.port.dispatch
-        assert isinstance(link, PollableInputLink)
+        assert isinstance(link, StreamInput)
         link.fill()
         dealt = 0
-        while not (missing := link.missing()):
+        while not isinstance(found := link.poll(), int):
             if self._closing:  # see _receive_all
                 return False
-            message = link.receive()
-            key, text, data = message
+            key, text, data = found
             if key != "D":
                 link.acknowledge(dealt)
-                return self._move_to_own_thread(message)
+                return self._move_to_own_thread(found)
             dispatch(self, key, text, data)
             dealt += 1
         link.acknowledge(dealt)
-        return missing <= CHUNK or self._move_to_own_thread(None)
+        return found <= CHUNK or self._move_to_own_thread(None)
 
     def _move_to_own_thread(self, message: Message | None) -> bool:
         """Continue in a thread of its own, with a message that was already received, or with the next one."""

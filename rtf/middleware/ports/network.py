@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Dialect
-from rtf.middleware.carriers.tcp_connection import open_stream
+from rtf.middleware.carriers.stream import open_stream
 from rtf.middleware.errors import AddressError, ConnectError, MiddlewareError
 from rtf.middleware.ports.access import Access
 
@@ -40,7 +40,7 @@ class Network:
     which waits meanwhile, so they must be quick. ``opening`` maps the name of a port that this process opens to its
     actual name and number; the configuration may rename ports or fix their numbers. ``dialect`` is used with all ports;
     None: each reader is asked for its own, see :mod:`rtf.middleware.ports.dialect_probe`. ``key`` is the shared key
-    that both ends of every connection must know, see :mod:`rtf.middleware.carriers.authentication`; empty: no key.
+    that both ends of every connection must know, see :mod:`rtf.middleware.wire.authentication`; empty: no key.
     ``keyboard`` is the descriptor from which the carrier ``human`` reads, if there is a person to type.
     """
 

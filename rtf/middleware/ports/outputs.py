@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import threading
+from functools import partial
 from typing import TYPE_CHECKING
 
+from rtf.middleware.carriers import registry
 from rtf.middleware.errors import ConnectError, MiddlewareError
+from rtf.middleware.ports.dialect_probe import dialect_of_reader
 from rtf.middleware.ports.qos import Connection
 from rtf.middleware.types.codecs import other_dialect
 from rtf.middleware.wire import modifiers
@@ -15,10 +19,14 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from rtf.bottle import Dialect
-    from rtf.middleware.carriers.base import OutputLink
+    from rtf.middleware.carriers.base import CarrierPort, OutputLink
+    from rtf.middleware.ports.network import Network
     from rtf.middleware.types.codecs import Codec
     from rtf.middleware.wire.contact import Contact
     from rtf.middleware.wire.outgoing_message import OutgoingMessage
+
+#: The local port number of the handshake is used for datagrams too, and may be taken; a retry gets another one.
+_ATTEMPTS = 5
 
 
 class Output(Connection):
@@ -98,6 +106,27 @@ class Output(Connection):
             self.link.close()
         finally:
             self.lock.release()
+
+
+def connect(network: Network, port: CarrierPort, target: Contact) -> Output:
+    """Open a connection from ``port`` to a port whose address and carrier are known. Raises ConnectError."""
+    carrier = registry.by_name(target.carrier)
+    for left in reversed(range(_ATTEMPTS)):
+        stream = network.reach(target)
+        try:
+            link = carrier.connect(stream, port, target)
+            stream.limit_waiting(None)
+            break
+        except (MiddlewareError, OSError) as error:
+            stream.close()
+            taken = isinstance(error, OSError) and error.errno == errno.EADDRINUSE
+            if not (taken and left):
+                raise ConnectError(f"Cannot connect to {target.name}: {error}") from None
+    try:
+        return Output(link, target, partial(dialect_of_reader, network, carrier, target))
+    except BaseException:  # such as a stop of the test that waits for the reader's answer
+        link.close(politely=False)
+        raise
 
 
 def send_to_all(

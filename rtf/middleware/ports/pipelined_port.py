@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from rtf.middleware.errors import MiddlewareError
 from rtf.middleware.ports.port import Port
-from rtf.middleware.types.codecs import codec_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -59,20 +58,16 @@ class PipelinedPort(Port):
         The object must not change until the port has settled. In a batch only ``local`` readers, which share the
         object, would notice a change.
         """
-        self._check_open()
-        if envelope is not None:
-            self.envelope = envelope
-        outputs = self._outputs
-        if not outputs:
+        message = self._message(value, codec or self._codec, envelope)
+        if message is None:
             return 0
-        message = self._message("D", value, codec or self._codec or codec_of(value), self.network.dialect)
         if self._together == 1:
             return self._send((message,))
         message.freeze()
         self._kept.append(message)
         if len(self._kept) >= self._together:
             self._send_kept()
-        return len(outputs)
+        return len(self._outputs)
 
     def _send_kept(self) -> None:
         messages, self._kept = self._kept, []

@@ -7,26 +7,24 @@ written to in the thread of the caller of ``write``. Subclasses define what a de
 from __future__ import annotations
 
 import contextlib
-import errno
 import socket
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from typing import TYPE_CHECKING, Any, Self, TypeVar, overload
 
 from rtf import clock
 from rtf.bottle import Bottle, Property
 from rtf.bottle.binary import encode
 from rtf.middleware.carriers import local, registry
+from rtf.middleware.carriers.base import Group
 from rtf.middleware.carriers.socket_watcher import SHARED_LISTENER
 from rtf.middleware.carriers.stream import Stream
 from rtf.middleware.errors import ConnectError, MiddlewareError, NameNotFoundError, PortClosedError, ProtocolError
 from rtf.middleware.ports import access, admin, describe, priority
-from rtf.middleware.ports.dialect_probe import dialect_of_reader
 from rtf.middleware.ports.disconnect_sources import disconnect_sources
 from rtf.middleware.ports.inputs import Input
 from rtf.middleware.ports.message_handoff import MessageHandoff
-from rtf.middleware.ports.outputs import Output, send_to_all
+from rtf.middleware.ports.outputs import Output, connect, send_to_all
 from rtf.middleware.types.codecs import BOTTLE, codec_of
 from rtf.middleware.wire import modifiers
 from rtf.middleware.wire.contact import Contact
@@ -38,9 +36,7 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
     from types import TracebackType
 
-    from rtf.bottle import Dialect
     from rtf.errors import RtfError
-    from rtf.middleware.carriers.base import Group
     from rtf.middleware.ports.network import Network
     from rtf.middleware.ports.qos import Connection, Qos
     from rtf.middleware.types.codecs import Buffer, Codec
@@ -53,8 +49,6 @@ MAX_INPUTS = 1024
 _CLOSING = 5.0
 #: The port number of multicast groups where the name server assigns none.
 _GROUP_PORT = 10_001
-#: The local port number of the handshake is used for datagrams too, and may be taken; a retry gets another one.
-_ATTEMPTS = 5
 
 
 class Port:
@@ -152,19 +146,21 @@ class Port:
 
         ``envelope`` is a text that travels beside the object, and beside all that follow until another one is given.
         """
+        message = self._message(value, codec, envelope)
+        if message is None:
+            return 0
+        with self._writing:
+            return send_to_all(self._outputs, message, self._lost)
+
+    def _message(self, value: object, codec: Codec[Any] | None, envelope: str | None) -> OutgoingMessage | None:
+        """Return an object as a message to the outputs, and keep it for the page; None if there are no outputs."""
         self._check_open()
         if envelope is not None:
             self.envelope = envelope
-        outputs = self._outputs
-        if not outputs:
-            return 0
-        message = self._message("D", value, codec or codec_of(value), self.network.dialect)
-        with self._writing:
-            return send_to_all(outputs, message, self._lost)
-
-    def _message(self, key: str, value: object, codec: Codec[Any], dialect: Dialect) -> OutgoingMessage:
-        """Return an object as a message with the port's envelope, and keep it for the page."""
-        message = self._written = OutgoingMessage(key, value, codec, dialect, self.envelope)
+        if not self._outputs:
+            return None
+        codec = codec or codec_of(value)
+        message = self._written = OutgoingMessage("D", value, codec, self.network.dialect, self.envelope)
         return message
 
     def _lost(self, output: Output, error: BaseException) -> None:
@@ -200,7 +196,7 @@ class Port:
             raise ConnectError("Outputs not allowed")
         with self._one_at_a_time(found.name):
             self.remove_output(found.name)
-            self._take_in(self._connect(found))
+            self._take_in(connect(self.network, self, found))
         return found
 
     @contextlib.contextmanager
@@ -251,25 +247,6 @@ class Port:
         self.network.notice(f"Sending output from {self.name} to {output.peer} using {output.carrier}")
         self.connected(output)
 
-    def _connect(self, target: Contact) -> Output:
-        carrier = registry.by_name(target.carrier)
-        for left in reversed(range(_ATTEMPTS)):
-            stream = self.network.reach(target)
-            try:
-                link = carrier.connect(stream, self, target)
-                stream.limit_waiting(None)
-                break
-            except (MiddlewareError, OSError) as error:
-                stream.close()
-                taken = isinstance(error, OSError) and error.errno == errno.EADDRINUSE
-                if not (taken and left):
-                    raise ConnectError(f"Cannot connect to {target.name}: {error}") from None
-        try:
-            return Output(link, target, partial(dialect_of_reader, self.network, carrier, target))
-        except BaseException:  # such as a stop of the test that waits for the reader's answer
-            link.close(politely=False)
-            raise
-
     def _pull(self, source: Contact) -> None:
         """Open a connection by which the port at ``source`` sends to this one."""
         if not self.allows_inputs:
@@ -286,8 +263,6 @@ class Port:
 
     def multicast_group(self, interface: str) -> Group:
         """Return the multicast group that this port sends to on an interface. The first call creates it."""
-        from rtf.middleware.carriers.base import Group
-
         with self._writing:
             group = self._groups.get(interface)
             if group is None:
@@ -429,7 +404,8 @@ class Port:
             delivery = IncomingMessage(link.sender, text, data, caller.dialect, asks, in_lines, own)
             self.deliver(delivery)
             caller.dialect = delivery.dialect
-            self._received = caller, bytes(data[:MAX_SHOWN]), len(data)
+            size = len(data)
+            self._received = caller, bytes(data if size <= MAX_SHOWN else data[:MAX_SHOWN]), size
             return delivery.answer or (_NO_REPLY if asks and not in_lines else ())
         if key == "a":
             delivery = IncomingMessage(link.sender, "", data, caller.dialect, wants_reply=True, text=link.carrier.text)

@@ -6,13 +6,14 @@ These are the dialogues of YARP's own tools, over ``text_ack``.
 from __future__ import annotations
 
 import contextlib
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeAlias
 
 from rtf.bottle import Bottle, Property, Vocab, as_int, as_string
 from rtf.middleware.carriers import registry
-from rtf.middleware.carriers.text import TextAck, TextOutput
 from rtf.middleware.errors import ConnectError, MiddlewareError, NameNotFoundError
 from rtf.middleware.ports.qos import Qos
+from rtf.middleware.wire.lines import TEXT_ACK, LineSender
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -20,17 +21,24 @@ if TYPE_CHECKING:
     from rtf.middleware.ports.network import Network
     from rtf.middleware.wire.contact import Contact
 
+#: Sends a command line, and a data line if there is one, and returns the lines of the reply.
+Ask: TypeAlias = Callable[..., list[str]]
 _ADMIN = "admin"
 
 
 @contextlib.contextmanager
-def talk(network: Network, target: Contact, label: str = _ADMIN, patience: float | None = None) -> Iterator[TextOutput]:
-    """Open a text connection to a port, under a label that is not a port name. Raises ConnectError."""
+def talk(network: Network, target: Contact, label: str = _ADMIN, patience: float | None = None) -> Iterator[Ask]:
+    """Open a text connection to a port, under a label that is not a port name. Raises ConnectError.
+
+    The block is given a function for requests, which raises MiddlewareError if there is no reply.
+    """
     found = network.resolve(target)
     if found is None:
         raise NameNotFoundError(f"no port {target.name} is registered")
     with contextlib.closing(network.reach(found, patience)) as stream:
-        yield TextAck().call(stream, label)
+        sender = LineSender(stream, acknowledged=True)
+        stream.run(sender.greet(TEXT_ACK.header, label))
+        yield lambda *lines: stream.run(sender.ask(*lines))
 
 
 def administer(network: Network, target: Contact, request: Bottle, patience: float | None = None) -> Bottle:
@@ -38,16 +46,14 @@ def administer(network: Network, target: Contact, request: Bottle, patience: flo
 
     ``patience`` is how many seconds a wait for the port may take; None: the network's.
     """
-    with talk(network, target, patience=patience) as link:
-        link.send_lines("a", request.to_text())
-        return Bottle.parse(" ".join(link.receive_lines()))
+    with talk(network, target, patience=patience) as ask:
+        return Bottle.parse(" ".join(ask("a", request.to_text())))
 
 
 def describe(network: Network, target: Contact, label: str = "<ping>") -> list[str]:
     """Return the port's description of itself and its connections, by lines."""
-    with talk(network, target, label) as link:
-        link.send_lines("*")
-        return link.receive_lines()
+    with talk(network, target, label) as ask:
+        return ask("*")
 
 
 def exists(network: Network, target: Contact) -> bool:
@@ -73,8 +79,7 @@ def connect(network: Network, source: Contact, target: Contact, carrier: str = "
     """
     chosen = target.carrier or source.carrier or carrier or "tcp"
     asked, other = (target, source) if registry.pulls(chosen) else (source, target)
-    wanted = f"{chosen}:/{other if other.valid else other.name}"
-    return _judged(administer(network, asked, Bottle([Vocab("add"), wanted])))
+    return _judged(administer(network, asked, Bottle([Vocab("add"), str(other.by(chosen))])))
 
 
 def disconnect(network: Network, source: Contact, target: Contact) -> str:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, overload
 from rtf.middleware.errors import ConnectError, MiddlewareError
 from rtf.middleware.ports.port import Port
 from rtf.middleware.types.codecs import BOTTLE, codec_of
+from rtf.middleware.wire.outgoing_message import OutgoingMessage
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -87,7 +88,8 @@ class RpcClient(Port):
         if not outputs:
             raise ConnectError(f"{self.name} is not connected to a server")
         output = outputs[0]
-        message = self._message("d", request, codec or codec_of(request), output.dialect or self.network.dialect)
+        dialect = output.dialect or self.network.dialect
+        message = self._written = OutgoingMessage("d", request, codec or codec_of(request), dialect, self.envelope)
         try:
             return output.call(message, answer, timeout)
         except BaseException as error:

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
     from typing import Self
 
-    from rtf.middleware.carriers.text import TextOutput
     from rtf.middleware.ports.network import Network
     from rtf.middleware.wire.incoming_message import IncomingMessage
 
@@ -82,26 +81,25 @@ def _look_at(network: Network, contact: Contact) -> PortState:
     if contact.carrier in NO_PORT or not contact.valid:
         return PortState(contact)
     try:
-        with remote.talk(network, contact) as link:
+        with remote.talk(network, contact) as ask:
             before = clock.monotonic()
-            _ask(link, "[ver]")
+            _administer(ask, "[ver]")
             latency = clock.monotonic() - before
-            targets = [*map(as_string, _ask(link, "[list] [out]"))]
-            outputs = [Link(contact.name, target, _carrier(link, target)) for target in targets]
+            targets = [*map(as_string, _administer(ask, "[list] [out]"))]
+            outputs = [Link(contact.name, target, _carrier(ask, target)) for target in targets]
             # The connection of this query is listed too, under a label that does not begin with a slash.
-            inputs = [source for source in map(as_string, _ask(link, "[list] [in]")) if source.startswith("/")]
+            inputs = [source for source in map(as_string, _administer(ask, "[list] [in]")) if source.startswith("/")]
     except MiddlewareError:
         return PortState(contact)
     return PortState(contact, latency, tuple(outputs), tuple(inputs))
 
 
-def _ask(link: TextOutput, request: str) -> Bottle:
-    link.send_lines("a", request)
-    return Bottle.parse(" ".join(link.receive_lines()))
+def _administer(ask: remote.Ask, request: str) -> Bottle:
+    return Bottle.parse(" ".join(ask("a", request)))
 
 
-def _carrier(link: TextOutput, target: str) -> str:
-    return as_string(_ask(link, f"[list] [out] {Bottle([target]).to_text()}").find("carrier"))
+def _carrier(ask: remote.Ask, target: str) -> str:
+    return as_string(_administer(ask, f"[list] [out] {Bottle([target]).to_text()}").find("carrier"))
 
 
 # Data rates ------------------------------------------------------------------------------------------------------

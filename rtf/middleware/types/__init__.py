@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from rtf.middleware.types.matrix import MATRIX
     from rtf.middleware.types.pair import Pair, PairCodec
     from rtf.middleware.types.plain import BYTES, PROPERTY, STRING
+    from rtf.middleware.types.point_cloud import POINT_CLOUD, PointCloud
     from rtf.middleware.types.record import Record, call, read_call
     from rtf.middleware.types.service import FAIL, Function, Service
     from rtf.middleware.types.sound import SOUND, Sound
@@ -25,6 +26,7 @@ _HOMES = {
     "matrix": ("MATRIX",),
     "pair": ("Pair", "PairCodec"),
     "plain": ("BYTES", "PROPERTY", "STRING"),
+    "point_cloud": ("POINT_CLOUD", "PointCloud"),
     "record": ("Record", "call", "read_call"),
     "service": ("FAIL", "Function", "Service"),
     "sound": ("SOUND", "Sound"),
@@ -39,6 +41,7 @@ __all__ = [
     "FAIL",
     "IMAGE",
     "MATRIX",
+    "POINT_CLOUD",
     "PROPERTY",
     "SOUND",
     "STAMP",
@@ -49,6 +52,7 @@ __all__ = [
     "ImageCodec",
     "Pair",
     "PairCodec",
+    "PointCloud",
     "ProtocolVersion",
     "Record",
     "Service",

@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeAlias, TypeVar
 
-from rtf.bottle import Bottle, BottleSyntaxError, Dialect, Property
-from rtf.bottle.binary import Scanner, TruncatedBottleError, decode_from, encode, encode_blocks, extent
+from rtf.bottle import Bottle, Dialect, Property
+from rtf.bottle.binary import decode_from, encode, encode_blocks, extent
 from rtf.middleware.errors import ProtocolError
 
 if TYPE_CHECKING:
@@ -127,45 +127,6 @@ class RawCodec(TextCodec[bytes]):
 
 
 RAW = RawCodec()
-
-
-class Arriving(Generic[T]):
-    """Decodes one object from bytes that are still arriving: a reply, or a message without a length prefix.
-
-    Usually all bytes are available at once. If not, the rest is awaited and no byte is scanned twice, so a peer that
-    sends byte by byte costs no more than any other::
-
-        arriving = Arriving(codec, dialect)
-        while True:
-            try:
-                value, end = arriving.read(stream.window())
-                break
-            except TruncatedBottleError as error:
-                stream.peek(error.needed)  # after a check against the size limit
-    """
-
-    __slots__ = ("_codec", "_dialect", "_scanner", "_tried")
-
-    def __init__(self, codec: Codec[T], dialect: Dialect) -> None:
-        self._codec = codec
-        self._dialect = dialect
-        self._scanner: Scanner | None = Scanner(dialect)
-        self._tried = False
-
-    def read(self, data: Buffer) -> tuple[T, int]:
-        """Decode the object; return it and its end offset. ``data`` is all bytes received so far.
-
-        Raises the same errors as ``decode_from``.
-        """
-        if self._tried and self._scanner is not None:
-            try:
-                self._scanner.end(data)
-            except TruncatedBottleError:
-                raise
-            except BottleSyntaxError:  # some service replies are not bottles; only their codec knows the length
-                self._scanner = None
-        self._tried = True
-        return self._codec.decode_from(data, self._dialect)
 
 
 _KNOWN: dict[type, Codec[Any]] = {Bottle: BOTTLE, Property: BOTTLE}

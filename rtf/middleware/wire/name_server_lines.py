@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import re
+from typing import TYPE_CHECKING
 
 from rtf.bottle import Bottle, BottleError, to_string
 from rtf.bottle import to_text as value_text
 from rtf.middleware.errors import AddressError
 from rtf.middleware.wire.contact import Contact, is_host
+from rtf.middleware.wire.protocol import Receiver
+
+if TYPE_CHECKING:
+    from rtf.middleware.wire.protocol import Messages
 
 PREFIX = "NAME_SERVER"
 QUERY = f"{PREFIX} query"
@@ -15,6 +20,8 @@ QUERY = f"{PREFIX} query"
 END = "*** end of message"
 #: The text of a field that the server shall fill in.
 AUTOMATIC = "..."
+#: The longest command, in bytes. The longest useful one names every carrier and address of a machine.
+MAX_COMMAND = 1 << 14
 _KEYWORD = "registration"
 _NUMBER = re.compile(r"[0-9]{1,5}")
 _MOST = 65535
@@ -65,3 +72,12 @@ def register_command(name: str, carrier: str, host: str, port: int, promise: str
     return " ".join(
         word(field) if field else AUTOMATIC for field in ["register", name, *fields, *filter(None, [promise])]
     )
+
+
+class CommandReceiver(Receiver):
+    """The receiving end of commands. A line without the prefix is an empty command."""
+
+    def messages(self) -> Messages:
+        while True:
+            prefix, _, words = (yield from self.inbox.line(MAX_COMMAND)).partition(b" ")
+            yield "d", "", words if prefix == PREFIX.encode() else b""

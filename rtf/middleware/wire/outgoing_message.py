@@ -10,6 +10,9 @@ if TYPE_CHECKING:
     from rtf.bottle import Dialect
     from rtf.middleware.types.codecs import Buffer, Codec
 
+#: Blocks with at most this many bytes in total are joined and sent in one call.
+JOINED = 1 << 12
+
 
 class OutgoingMessage:
     """A message to any number of readers. ``key`` is the port command: ``D``, or ``d`` if a reply is wanted.

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 from rtf import clock
 from rtf.middleware.errors import ConnectError, MiddlewareError
 from rtf.middleware.ports.remote import exists
+from rtf.middleware.ports.rpc import RpcServer
+from rtf.middleware.types.service import Function, Service
 from rtf.middleware.wire.contact import Contact
 from rtf.robot.interface.log import Level, printable, seconds
 from rtf.robot.interface.robot_interface import Outcome, RobotInterface
-from rtf.robot.interface.service import open_service
 from rtf.robot.interface.signals import signal_listener
 
 if TYPE_CHECKING:
@@ -20,11 +21,19 @@ if TYPE_CHECKING:
     from typing import TextIO
 
     from rtf.middleware.ports.network import Network
-    from rtf.middleware.ports.rpc import RpcServer
     from rtf.robot.interface.device_thread import Patience
     from rtf.robot.interface.model import Robot
 
 FINE, FAILED, WRONG = 0, 1, 4
+_CLASS = "yarprobotinterfaceRpc"
+#: The wording of YARP's program.
+_READY = "Returns true if yarprobotinterface is ready (all startup actions\nperformed and no interrupt called)."
+_ENDINGS = ("quit", "bye", "exit")
+#: The explanations of the functions.
+_PHASE = "The phase it is in: startup, run, interrupt1, interrupt2, interrupt3, shutdown or unknown."
+_LEVEL = "The level of the phase whose actions are done."
+_ROBOT = "The name of the robot."
+_ENDS = "Ends it, as the first signal does; the answer is bye."
 
 
 class ConsoleLog:
@@ -89,3 +98,29 @@ def _log_result(robot: Robot, outcome: Outcome, duration: float, log: ConsoleLog
     failures = f"; {count} {'failure' if count == 1 else 'failures'}, the first: {outcome.failures[0]}" if count else ""
     level = Level.INFO if outcome.good else Level.ERROR
     log(level, f"{'FINE' if outcome.good else 'FAILED'}: {robot.name} {how} ({seconds(duration)}){failures}")
+
+
+# The port -------------------------------------------------------------------------------------------------------------
+
+
+def make_service(interface: RobotInterface) -> Service:
+    """Return the functions of the port, in the order in which ``help`` lists them."""
+
+    def end() -> str:
+        interface.quit()
+        return "bye"
+
+    return Service(
+        {
+            "get_phase": Function(lambda: str(interface.phase), f"std::string {_CLASS}::get_phase()", (_PHASE,)),
+            "get_level": Function(lambda: interface.level, f"std::int32_t {_CLASS}::get_level()", (_LEVEL,)),
+            "get_robot": Function(lambda: interface.robot.name, f"std::string {_CLASS}::get_robot()", (_ROBOT,)),
+            "is_ready": Function(lambda: interface.ready, f"bool {_CLASS}::is_ready()", (_READY,)),
+            **{name: Function(end, f"std::string {_CLASS}::{name}()", (_ENDS,)) for name in _ENDINGS},
+        }
+    )
+
+
+def open_service(interface: RobotInterface, network: Network) -> RpcServer:
+    """Open the port ``<portprefix>/yarprobotinterface``. Raises MiddlewareError."""
+    return RpcServer(interface.robot.port_name, make_service(interface).answer, network=network)

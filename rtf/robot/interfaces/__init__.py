@@ -24,6 +24,7 @@ from rtf.robot.interfaces.motion import (
 )
 from rtf.robot.interfaces.motors import IAmplifierControl, IEncoders, IMotor, IMotorEncoders
 from rtf.robot.interfaces.pids import IPidControl, Pid, PidType
+from rtf.robot.interfaces.rgbd import Intrinsics, IRgbdOptics, IRgbdSensor, RgbdImages, RgbdPart, RgbdStatus
 from rtf.robot.interfaces.sensors import (
     BatteryStatus,
     CameraFeature,
@@ -68,12 +69,18 @@ __all__ = [
     "IPositionDirect",
     "IRemoteCalibrator",
     "IRemoteVariables",
+    "IRgbdOptics",
+    "IRgbdSensor",
     "ITorqueControl",
     "IVelocityControl",
+    "Intrinsics",
     "JointType",
     "MotorTorqueParameters",
     "Pid",
     "PidType",
+    "RgbdImages",
+    "RgbdPart",
+    "RgbdStatus",
     "SensorCategory",
     "SensorInfo",
     "SensorReading",

@@ -8,15 +8,19 @@ from rtf.robot.model.errors import RobotModelError
 from rtf.robot.model.names import DEFAULT_ROBOT, ROBOT_MODEL_VARIABLE
 from rtf.robot.model.reader import default_robot, find_robot, load_robot, robot_names
 from rtf.robot.model.values import Axis, Coupling, Part, RobotModel
+from rtf.robot.model.workspace import HalfSpace, Workspace, WorkspacePoint
 
 __all__ = [
     "DEFAULT_ROBOT",
     "ROBOT_MODEL_VARIABLE",
     "Axis",
     "Coupling",
+    "HalfSpace",
     "Part",
     "RobotModel",
     "RobotModelError",
+    "Workspace",
+    "WorkspacePoint",
     "default_robot",
     "find_robot",
     "load_robot",

@@ -61,6 +61,7 @@ class Joint(Table, frozen=True):
     torque_control: bool | None = None
     ratio: float | None = None  # units of the axis a unit of its joint in the description
     prismatic: bool | None = None
+    degree: Positive | None = None  # m, of a prismatic joint: what stands for a degree in the parameters of tests
 
 
 class CouplingBlock(Table, frozen=True):
@@ -160,6 +161,39 @@ class Battery(Table, frozen=True):
         return self.capacity * 3600.0 / ((self.full + self.empty) / 2.0)
 
 
+class SkinPatch(Table, frozen=True):
+    """A patch of skin that covers a shape of a link with triangles of twelve taxels."""
+
+    link: Text
+    port: Text  # /ROBOT/PORT
+    triangles: Annotated[int, Meta(gt=0, le=1000)]
+    shape: str = ""  # the name of the covered shape; default: the first one of the link that collides
+    rest: Annotated[float, Meta(ge=0.0, le=255.0)] = 240.0  # counts of a taxel that nothing touches
+    sensitivity: Positive = 20.0  # counts that a reading falls for one newton upon its taxel
+    noise: NotNegative = 1.0  # counts, standard deviation
+
+
+class KnownDepth(Table, frozen=True):
+    """The known depth of a place in the images of a depth camera, while the robot is at home."""
+
+    at: tuple[Annotated[float, Meta(ge=0.0, le=1.0)], Annotated[float, Meta(ge=0.0, le=1.0)]]  # from left and from top
+    depth: Positive  # m, along the optical axis
+
+
+class DepthCamera(Table, frozen=True):
+    """A depth camera at the place of a camera of the model."""
+
+    camera: Text  # of the description, of an attached file, or ``outside``, that of the scene
+    port: Text  # /ROBOT/PORT/rgbImage:o
+    width: Annotated[int, Meta(gt=0, le=1280)] = 320
+    height: Annotated[int, Meta(gt=0, le=960)] = 240
+    near: Positive = 0.2  # m, the least depth that is measured
+    far: Positive = 6.0  # m, the greatest one
+    accuracy: Positive = 0.01  # m
+    noise: NotNegative = 0.001  # m, standard deviation
+    known: list[KnownDepth] = []
+
+
 class Sensors(Table, frozen=True):
     """The sensors, by their names."""
 
@@ -167,6 +201,8 @@ class Sensors(Table, frozen=True):
     inertial: dict[str, Inertial] = {}
     cameras: dict[str, CameraTable] = {}
     angles: dict[str, AngleSensors] = {}
+    skin: dict[str, SkinPatch] = {}
+    depth_cameras: dict[str, DepthCamera] = {}
     battery: Battery | None = None
 
 
@@ -206,6 +242,40 @@ class Bench(Table, frozen=True):
     cut: Cut | None = None
 
 
+class Box(Table, frozen=True):
+    """A box along the axes of the root's frame."""
+
+    low: Vector
+    high: Vector
+
+
+class PlaneTable(Table, frozen=True):
+    """A plane that bounds the workspace, such as a table or a wall."""
+
+    point: Vector  # of the plane
+    normal: Vector  # pointing into the workspace
+
+
+class PointTable(Table, frozen=True):
+    """A point of a link that has to stay in the workspace."""
+
+    link: Text
+    position: Vector = (0.0, 0.0, 0.0)  # m, in the frame of the link
+    radius: NotNegative = 0.0  # m, of a ball about it that stays within, too
+
+
+class WorkspaceTable(Table, frozen=True):
+    """What the robot may reach, in the frame of its root: a box, or planes, or both."""
+
+    box: Box | None = None
+    planes: dict[Text, PlaneTable] = {}
+    points: dict[Text, PointTable] = {}  # default: the origins of all links that an axis moves
+
+
+#: The thresholds of a test: values of its parameters by their keys, and the key ``origin``.
+ThresholdTable = dict[Text, bool | int | float | str | list[int | float | str]]
+
+
 class RobotFile(Table, frozen=True):
     """The whole file."""
 
@@ -222,6 +292,9 @@ class RobotFile(Table, frozen=True):
     sensors: Sensors = Sensors()
     guard: GuardTable = GuardTable()
     scene: Bench = Bench()
+    workspace: WorkspaceTable | None = None
+    thresholds: dict[Text, ThresholdTable] = {}  # by the names of tests
+    safe: dict[Text, dict[str, float]] = {}  # poses in which it may be left: joints; others are at home
 
 
 def json_schema() -> dict[str, object]:

@@ -18,24 +18,31 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import msgspec
 import numpy as np
 
+from rtf.errors import did_you_mean
 from rtf.robot.model.errors import RobotModelError
-from rtf.robot.model.file import CouplingBlock, Joint, PartTable, RobotFile
+from rtf.robot.model.file import CouplingBlock, Joint, PartTable, RobotFile, ThresholdTable
 from rtf.robot.model.names import DEFAULT_ROBOT, FILE, ROBOT_MODEL_VARIABLE
 from rtf.robot.model.places import line_of, steps_of
-from rtf.robot.model.values import Axis, Coupling, Part, RobotModel
+from rtf.robot.model.values import UNVALIDATED, Axis, Coupling, Part, RobotModel, Thresholds
+from rtf.robot.model.workspace import workspace_of
 from rtf.testing.plugins import shipped_folder
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from rtf.robot.model.description import JointDescription
+    from rtf.robot.model.workspace import Workspace
 
 #: Of a joint for which neither the file nor the description says more: those of a small bench.
-_FALLBACK = Joint(max_velocity=90.0, gearbox=100.0, encoder_resolution=182.044, ratio=1.0)
-#: Ticks a metre of a prismatic joint: a tenth of a millimetre.
-_TICKS_A_METRE = 1e4
+_FALLBACK = Joint(max_velocity=90.0, gearbox=100.0, ratio=1.0)
+_TICKS_A_DEGREE = 182.044  # 65536 a turn
 #: Metres a second of a prismatic joint for which nothing is said.
 _SLIDE = 0.2
+#: Where thresholds may come from; and the parameters of tests that are none.
+_MEASURED, _ORIGINS = "measured on ", ("chosen", UNVALIDATED)
+_SUBJECTS = frozenset({"name", "description", "robot", "part", "joints", "inject"})
+#: The share of the range of a prismatic joint that stands for a degree in tests: the whole is one of a hundred degrees.
+SHARE = 0.01
 #: A coupling with a greater condition number cannot be inverted to any use.
 _SINGULAR = 1e6
 
@@ -97,8 +104,11 @@ class _Reading:
         self._description = self._find_description()
         self._described: Mapping[str, JointDescription] | None = None
 
+    def _place(self, keys: Sequence[str]) -> str:
+        return f"{self._path}:{line_of(self._text, keys)}"
+
     def _fail(self, keys: Sequence[str], problem: str) -> NoReturn:
-        raise RobotModelError(f"{self._path}:{line_of(self._text, keys)}: {problem}")
+        raise RobotModelError(f"{self._place(keys)}: {problem}")
 
     def _converted(self, data: dict[str, Any]) -> RobotFile:
         try:
@@ -148,7 +158,7 @@ class _Reading:
         return RobotModel(
             name=file.name,
             title=file.title or file.name,
-            folder=self._path.parent,
+            folder=self._path.parent.absolute(),  # for programs that run in other folders
             description=self._description,
             parts=parts,
             kinematic_parts=kinematic,
@@ -158,7 +168,51 @@ class _Reading:
             scene=file.scene,
             profile=file.profile,
             assumed=tuple(file.assumed),
+            workspace=self._workspace(),
+            thresholds={name: self._thresholds(name, table) for name, table in file.thresholds.items()},
+            safe_poses=self._safe_poses(
+                [axis for part in (*parts.values(), *kinematic.values()) for axis in part.axes]
+            ),
         )
+
+    def _thresholds(self, test: str, table: ThresholdTable) -> Thresholds:
+        keys = ["thresholds", test]
+        origin = table.get("origin", "")
+        if not (isinstance(origin, str) and (origin in _ORIGINS or origin.startswith(_MEASURED))):
+            said = f", not {origin!r}" if origin else ""
+            self._fail(
+                [*keys, "origin"], f'thresholds of {test}: origin is "measured on …", "chosen" or "unvalidated"{said}'
+            )
+        values = {key: value for key, value in table.items() if key != "origin"}
+        for key in _SUBJECTS & values.keys():
+            self._fail([*keys, key], f"thresholds of {test}: {key} says what is tested; that is for suites to say")
+        places = {key: self._place([*keys, key]) for key in values}
+        return Thresholds(test, origin, values, self._place(keys), places)
+
+    def _workspace(self) -> Workspace | None:
+        if self._file.workspace is None:
+            return None
+        try:
+            return workspace_of(self._file.workspace)
+        except ValueError as error:
+            self._fail(["workspace"], f"workspace: {error}")
+
+    def _safe_poses(self, axes: Sequence[Axis]) -> dict[str, dict[str, float]]:
+        """Return the safe poses, completed by the home positions."""
+        by_name = {axis.name: axis for axis in axes}
+        for name, pose in self._file.safe.items():
+            for joint, place in pose.items():
+                keys, axis = ["safe", name, joint], by_name.get(joint)
+                if axis is None:
+                    self._fail(keys, f"safe pose {name}: there is no joint {joint!r}{did_you_mean(joint, by_name)}")
+                if not axis.minimum <= place <= axis.maximum:
+                    self._fail(
+                        keys,
+                        f"safe pose {name}: {joint} at {place:g} {axis.unit} is not within its limits "
+                        f"{axis.minimum:g} and {axis.maximum:g}",
+                    )
+        home = {axis.name: axis.home for axis in axes}
+        return {name: {**home, **pose} for name, pose in self._file.safe.items()}
 
     def _part(self, name: str, table: PartTable) -> Part:
         if not table.joints:
@@ -209,6 +263,9 @@ class _Reading:
             self._fail(keys, f"{name}: gearbox and ratio are not 0")
         if not limits[0] <= home <= limits[1]:
             self._fail(keys, f"{name}: its home {home:g} is not within its limits {limits[0]:g} and {limits[1]:g}")
+        if given.degree is not None and not prismatic:
+            self._fail(keys, f"{name}: degree is for prismatic joints, and this one turns")
+        degree = _first(value("degree"), SHARE * (limits[1] - limits[0])) if prismatic else math.radians(1.0)
         speed = described.max_velocity if described else None
         return Axis(
             part=part,
@@ -219,7 +276,7 @@ class _Reading:
             max_torque=torque,
             gearbox=gearbox,
             encoder_resolution=_first(
-                value("encoder_resolution"), _TICKS_A_METRE if prismatic else _FALLBACK.encoder_resolution
+                value("encoder_resolution"), _TICKS_A_DEGREE / degree if prismatic else _TICKS_A_DEGREE
             ),
             rotor_resolution=motor.rotor_resolution,
             armature=value("armature"),
@@ -232,6 +289,7 @@ class _Reading:
             torque_control=_first(value("torque_control"), False),
             ratio=ratio,
             prismatic=prismatic,
+            degree=degree,
         )
 
     def _needed_description(self, given: Joint, name: str) -> JointDescription | None:
@@ -292,6 +350,12 @@ class _Reading:
             for axis, _ in angles.channels:
                 if axis not in joints:
                     self._fail(["sensors", "angles", name], f"{name}: there is no joint {axis!r}")
+        for name, camera in sensors.depth_cameras.items():
+            if not camera.near < camera.far:
+                self._fail(
+                    ["sensors", "depth_cameras", name],
+                    f"{name}: near, {camera.near:g} m, is less than far, {camera.far:g} m",
+                )
         battery = sensors.battery
         if battery is not None and not battery.empty < battery.full:
             self._fail(

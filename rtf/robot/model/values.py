@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from rtf.robot.model.file import Bench, Body, GuardTable, Sensors
+    from rtf.robot.model.workspace import Workspace
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +49,7 @@ class Axis:
     torque_control: bool  # whether the joint has torque sensing, and can be compliant
     ratio: float  # units of the axis a unit of its joint in the description
     prismatic: bool
+    degree: float  # rad, or m of a prismatic axis, that stand for a degree in the parameters of tests
 
     @property
     def unit(self) -> str:
@@ -105,6 +107,25 @@ class Part:
         return matrix
 
 
+@dataclass(frozen=True, slots=True)
+class Thresholds:
+    """Values of parameters of a test, for this robot; a suite may say others."""
+
+    test: str
+    origin: str  # "measured on …", "chosen" or "unvalidated"
+    values: Mapping[str, bool | float | str | list[int | float | str]]
+    place: str  # file and line
+    places: Mapping[str, str]  # likewise of each value
+
+    @property
+    def validated(self) -> bool:
+        """Whether somebody measured or chose them for this robot."""
+        return self.origin != UNVALIDATED
+
+
+UNVALIDATED = "unvalidated"
+
+
 @dataclass(frozen=True)
 class RobotModel:
     """A robot: its parts with their axes, its description, and what the description lacks."""
@@ -119,8 +140,12 @@ class RobotModel:
     sensors: Sensors
     guard: GuardTable
     scene: Bench
-    profile: str  # the origin of its thresholds: measured on a robot, chosen, or unvalidated
+    profile: str  # the origin of the thresholds that it does not say: measured on a robot, chosen, or unvalidated
     assumed: tuple[str, ...] = field(default=())  # what ``rtf robot new`` had to assume
+    workspace: Workspace | None = None  # None: nothing is known of it
+    #: Poses in which the robot may be left: a position of every axis (unit), with physics or without.
+    safe_poses: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    thresholds: Mapping[str, Thresholds] = field(default_factory=dict)  # by the names of tests
 
     @cached_property
     def axes(self) -> tuple[Axis, ...]:
@@ -131,6 +156,33 @@ class RobotModel:
     def index(self) -> dict[str, int]:
         """The place of each axis in :attr:`axes`."""
         return {axis.name: place for place, axis in enumerate(self.axes)}
+
+    @property
+    def origins(self) -> str:
+        """The origin of its thresholds, and of single tests where that is another."""
+        others = (f"{one.test}: {one.origin}" for one in self.thresholds.values() if one.origin != self.profile)
+        return "; ".join([self.profile, *others])
+
+    @property
+    def unvalidated(self) -> str:
+        """A sentence about thresholds that nobody measured or chose for this robot; empty if there are none."""
+        if self.profile == UNVALIDATED:
+            return f"the thresholds of {self.name} are not validated; {self.folder} says so"
+        tests = ", ".join(one.test for one in self.thresholds.values() if not one.validated)
+        return f"the thresholds of {self.name} are not validated for {tests}; {self.folder} says so" if tests else ""
+
+    @cached_property
+    def sensor_keys(self) -> tuple[str, ...]:
+        """The keys of its sensors in robot.toml, such as ``sensors.cameras.left`` and ``sensors.battery``."""
+        tables = {name: getattr(self.sensors, name) for name in self.sensors.__struct_fields__}
+        return tuple(
+            key
+            for kind, table in tables.items()
+            if table is not None
+            for key in (
+                [f"sensors.{kind}.{name}" for name in table] if isinstance(table, dict) else [f"sensors.{kind}"]
+            )
+        )
 
     @property
     def simulated_name(self) -> str:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from rtf.middleware.ports.network import Network
     from rtf.middleware.wire.incoming_message import IncomingMessage
-    from rtf.robot.client.boards import RemoteBoard
+    from rtf.robot.boards.client import RemoteBoard
     from rtf.robot.extended_state import ExtendedState
     from rtf.robot.interfaces import FloatArray
     from rtf.robot.model import RobotModel

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from rtf.clock import Clock
-    from rtf.robot.client.boards import RemoteBoard
+    from rtf.robot.boards.client import RemoteBoard
     from rtf.robot.interfaces import FloatArray
     from rtf.robot.model import RobotModel
     from rtf.robot_testing.guard.contacts import ContactWatch

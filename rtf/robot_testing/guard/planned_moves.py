@@ -1,4 +1,4 @@
-"""Planned moves, checked on the robot's model for self-collisions before they start, and ahead of moving joints.
+"""Planned moves, checked on the robot's model before they start: self-collisions, and the limits of the workspace.
 
 The shapes are the model's own: outlines of robot.toml, or those of its description. Links that are neighbours do not
 collide, as in the simulator. What is wrong before a move, such as hands on hips, is not the fault of the move.
@@ -16,13 +16,14 @@ from rtf.robot.model.engine import mujoco
 from rtf.robot_testing.guard.read_only_board import connect_read_only
 from rtf.simulator.contacts import touching
 from rtf.simulator.plant import build
+from rtf.simulator.workspace import outside
 from rtf.testing.verdict import TestProblem
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from rtf.middleware.ports.network import Network
-    from rtf.robot.client.boards import RemoteBoard
+    from rtf.robot.boards.client import RemoteBoard
     from rtf.robot.interfaces import FloatArray
     from rtf.robot.model import RobotModel
 
@@ -36,7 +37,7 @@ _SLOW = 2.0
 
 
 class RefusedMoveError(RefusedError, TestProblem):
-    """A planned move would bring two links of the robot together. Nothing was sent."""
+    """A planned move would bring two links of the robot together, or leave the workspace. Nothing was sent."""
 
 
 class MoveCheck:
@@ -60,12 +61,14 @@ class MoveCheck:
         return found
 
     def problems(self, pose: FloatArray) -> dict[tuple[str, ...], str]:
-        """Return what is wrong with a pose (deg), a clause for each two links that touch."""
+        """Return what is wrong with a pose (deg), a clause each: links that touch, points out of the workspace."""
         engine, model, data = mujoco(), self._plant.model, self._data
         data.qpos[:] = self._plant.pose(pose * self._internal)
         engine.mj_kinematics(model, data)
         engine.mj_collision(model, data)
         found: dict[tuple[str, ...], str] = {pair: f"{pair[0]} would touch {pair[1]}" for pair in touching(model, data)}
+        if self._robot.workspace is not None:
+            found |= {(text.partition(" ")[0],): text for text in outside(self._robot, model, data)}
         return found
 
     def check(self, part: str, joints: Sequence[int], targets: FloatArray, speeds: FloatArray) -> None:

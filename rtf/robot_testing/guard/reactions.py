@@ -23,7 +23,7 @@ from rtf.robot_testing.guard.error_collector import ErrorCollector
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Sequence
 
-    from rtf.robot.client.boards import RemoteBoard
+    from rtf.robot.boards.client import RemoteBoard
     from rtf.robot.interfaces import FloatArray
 
 #: Modes in which a joint goes on executing its last command, and ignores ``stop``.

@@ -5,22 +5,22 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from rtf.bottle import Dialect, Property
-from rtf.robot.client.board_requests import CALIBRATION_DONE, plain
-from rtf.robot.client.boards import version_of
-from rtf.robot.client.control_board import RemoteControlBoard
-from rtf.robot.client.control_board_service import ControlBoardServiceClient
-from rtf.robot.client.control_board_stub import BoardStub
-from rtf.robot.client.rpc import BoardRpc
-from rtf.robot.client.service_rpc import ServiceRpc
-from rtf.robot.client.settings import unique_local
+from rtf.robot.boards.client import version_of
+from rtf.robot.network.board_stub import BoardStub
+from rtf.robot.network.client_settings import unique_local
+from rtf.robot.yarp3.client import RemoteControlBoard
+from rtf.robot.yarp3.requests import CALIBRATION_DONE, plain
+from rtf.robot.yarp3.rpc import WordRpc
+from rtf.robot.yarp4.client import ControlBoardServiceClient
+from rtf.robot.yarp4.rpc import ServiceRpc
 from rtf.testing.verdict import TestProblem
 
 if TYPE_CHECKING:
     from rtf.bottle import Value
     from rtf.middleware.ports.network import Network
-    from rtf.robot.client.board_requests import Request
     from rtf.robot.interfaces import AxisSelection, Values
-    from rtf.robot.service_rows import Message
+    from rtf.robot.yarp3.requests import Request
+    from rtf.robot.yarp4.functions import Message
 
 
 #: How the names of functions begin that change nothing.
@@ -37,7 +37,7 @@ class UndeclaredMotionError(TestProblem):
         )
 
 
-class _ReadOnlyWords(BoardRpc):
+class _ReadOnlyWords(WordRpc):
     """Refuses commands before they are sent, until commands are allowed."""
 
     commands_allowed = False

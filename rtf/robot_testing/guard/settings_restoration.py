@@ -11,7 +11,7 @@ from rtf.robot_testing.guard.snapshot import answered
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from rtf.robot.client.boards import RemoteBoard
+    from rtf.robot.boards.client import RemoteBoard
     from rtf.robot.interfaces import Pid
     from rtf.robot_testing.guard.error_collector import ErrorCollector
     from rtf.robot_testing.guard.snapshot import Snapshot

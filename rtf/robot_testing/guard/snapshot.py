@@ -15,7 +15,7 @@ from rtf.robot.interfaces import JointType, Pid, PidType
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from rtf.robot.client.boards import RemoteBoard
+    from rtf.robot.boards.client import RemoteBoard
     from rtf.robot.interfaces import FloatArray
 
 _T = TypeVar("_T")

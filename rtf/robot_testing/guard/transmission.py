@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from rtf.bottle import Bottle
-    from rtf.robot.client.boards import RemoteBoard
+    from rtf.robot.boards.client import RemoteBoard
     from rtf.robot.control_modes import ControlMode
     from rtf.robot.interfaces import FloatArray
     from rtf.testing import TestCase

@@ -34,6 +34,13 @@ class CheckedValue(NamedTuple):
         """Whether the value is out of bounds, or missing."""
         return not self.low <= self.value <= self.high
 
+    def scaled(self, metres: float | None) -> CheckedValue:
+        """Return the value in metres, if it is in degrees of a prismatic joint; ``metres`` stand for a degree."""
+        if metres is None or not self.symbol.startswith("deg"):
+            return self
+        symbol = f"m{self.symbol.removeprefix('deg')}"
+        return self._replace(value=self.value * metres, high=self.high * metres, low=self.low * metres, symbol=symbol)
+
     @property
     def text(self) -> str:
         """The value for a message."""

@@ -47,6 +47,21 @@ _CAUSES: dict[str, tuple[str, ...]] = {
     "orientation": ("an IMU mounted in another orientation", "a wrong frame in the model"),
     "mode": ("firmware that breaks the rules of the control modes",),
     "sensor frozen": ("a loose cable of the sensor", "a sensor that has stopped", "a driver that repeats a value"),
+    "taxel": (
+        "a broken trace or a short circuit of the taxel",
+        "a triangle without its chip",
+        "a board that repeats it",
+    ),
+    "taxel pressed": ("something that touches the skin", "a cover that presses on it", "a damaged layer of the skin"),
+    "skin size": ("a wrong number of triangles in the configuration", "a wrong number in robot.toml"),
+    "depth frozen": ("a depth sensor that has stopped", "a driver that repeats its last depth"),
+    "depth scale": (
+        "depths in another unit than metres",
+        "a wrong scale in the configuration of the driver",
+        "a wrong calibration of the depth sensor",
+    ),
+    "depth missing": ("something in front of the camera", "a dead projector", "wrong clip planes"),
+    "intrinsics": ("parameters of another resolution", "a wrong field of view in the configuration"),
     "battery voltage": (
         "wrong voltages in robot.toml",
         "a discharged or overcharged battery",

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from rtf.robot.errors import RefusedError
 from rtf.robot.model.engine import mujoco
 from rtf.simulator.plant import Options, build
@@ -44,14 +42,15 @@ class WeightModel:
 
     def __init__(self, robot: RobotModel) -> None:
         self._index = robot.index
+        self._units = [axis.internal for axis in robot.axes]
         self._robot = build(robot, Options(collision="none"))
         self._axes = self._robot.home_axes.copy()
 
     def set(self, joints: Sequence[str], positions: Sequence[float] | FloatArray) -> None:
-        """Set joint positions, deg; joints that the model does not have are ignored."""
+        """Set joint positions, deg or m; joints that the model does not have are ignored."""
         for joint, position in zip(joints, positions, strict=True):
             if joint in self._index:
-                self._axes[self._index[joint]] = np.radians(position)
+                self._axes[self._index[joint]] = position * self._units[self._index[joint]]
 
     def load(self, place: str) -> FloatArray:
         """Return the reading of a sensor: forces (N) and torques (Nm), six.

@@ -40,6 +40,7 @@ class GravityModel:
         self._index: dict[str, int] = dict(robot.index)
         self._pose, self._worth = plant.pose, plant.axis_torques
         self._home = plant.home_axes.copy()
+        self._degrees = [axis.degree for axis in robot.axes]
         self._model, self._data = plant.model, plant.data()
 
     def _load(self, description: str) -> None:
@@ -54,6 +55,7 @@ class GravityModel:
         dofs = np.array([int(hinge.dofadr[0]) for hinge in hinges])
         self._index = {hinge.name: number for number, hinge in enumerate(hinges)}
         self._home = np.zeros(model.njnt)
+        self._degrees = [np.radians(1.0)] * model.njnt
         self._model, self._data = model, engine.MjData(model)
 
         def pose(axes: Any) -> Any:
@@ -71,7 +73,7 @@ class GravityModel:
         axes = self._home.copy()
         for name, degrees in positions.items():
             if name in self._index:
-                axes[self._index[name]] = np.radians(degrees)
+                axes[self._index[name]] = degrees * self._degrees[self._index[name]]
         data = self._data
         data.qpos[:] = self._pose(axes)
         data.qvel[:] = 0.0

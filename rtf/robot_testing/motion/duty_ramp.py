@@ -136,8 +136,9 @@ class LimpMotor:
         if gone.max() > _GREATEST_WAY:
             one = self.along[int(gone.argmax())]
             raise RobotError(
-                f"{part.names[one]} shares motors with {part.names[self.joint]}, and moved by {gone.max():.1f} deg "
-                "during the test of that one; test it in a posture in which gravity does not move them"
+                f"{part.names[one]} shares motors with {part.names[self.joint]}, and moved by "
+                f"{part.shown(one, float(gone.max()), '.1f')} during the test of that one; test it in a posture "
+                "in which gravity does not move them"
             )
 
     def rest(self, *, held: bool) -> Routine[bool]:

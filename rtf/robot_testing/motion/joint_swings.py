@@ -119,6 +119,7 @@ class JointSwinger:
             np.array([value for value, j in zip(values, joints, strict=True) if j not in failed])
             for values in (targets, speeds)
         )
+        pace = part.paced(pace, going)
         watch = _Watch(part, self.transmission, going, wanted, self.tolerance)
         seconds = float(np.nanmax(_TIMES * watch.away / pace, initial=0.0)) + _GRACE
         part.board.set_reference_speeds(pace, going)
@@ -131,7 +132,7 @@ class JointSwinger:
             unseen = watch.unseen(_SUSPECT)
             if not unseen:
                 raise
-        late = _unseen_outcomes(unseen) or watch.late()
+        late = _unseen_outcomes(part, unseen) or watch.late(part)
         self.exclude(late)
         return failed | {j: self._lost_before(j) for j in going if self.lost(j)} | late
 
@@ -140,9 +141,11 @@ class JointSwinger:
         return Outcome(self._doubts.get(joint, "does not obey any more, and is excluded"), ("sign",))
 
 
-def _unseen_outcomes(unseen: dict[int, float]) -> dict[int, Outcome]:
+def _unseen_outcomes(part: Part, unseen: dict[int, float]) -> dict[int, Outcome]:
     return {
-        joint: Outcome(f"does not move by its encoder, while its motor turns it by {turned:.1f} deg", ("frozen",))
+        joint: Outcome(
+            f"does not move by its encoder, while its motor moves it by {part.shown(joint, turned, '.1f')}", ("frozen",)
+        )
         for joint, turned in unseen.items()
     }
 
@@ -191,11 +194,14 @@ class _Watch:
         rows = zip(self._joints, seen.tolist(), turned.tolist(), strict=True)
         return {joint: far for joint, near, far in rows if far > least and near < _SEEN_SHARE * far}
 
-    def late(self) -> dict[int, Outcome]:
+    def late(self, part: Part) -> dict[int, Outcome]:
         """Return the outcomes of the joints that have not arrived."""
         rows = zip(self._joints, self._here[self._joints].tolist(), self._wanted.tolist(), strict=True)
         return {
-            joint: Outcome(f"does not reach {goal:.1f} deg in time; it is at {where:.1f} deg", ("does not move",))
+            joint: Outcome(
+                f"does not reach {part.shown(joint, goal, '.1f')} in time; it is at {part.shown(joint, where, '.1f')}",
+                ("does not move",),
+            )
             for joint, where, goal in rows
             if not abs(where - goal) <= self._tolerance
         }

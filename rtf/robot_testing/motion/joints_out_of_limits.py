@@ -31,7 +31,8 @@ def exclude_joints_out_of_limits(part: Part) -> list[int]:
     for joint in range(part.axes):
         beyond = float(max(part.low[joint] - where[joint], where[joint] - part.high[joint]))
         if beyond > guard.limits.beyond:
-            guard.exclude(joint, f"it shows {where[joint]:.1f} deg, {beyond:.1f} deg beyond its limits")
+            here, far = part.shown(joint, where[joint], ".1f"), part.shown(joint, beyond, ".1f")
+            guard.exclude(joint, f"it shows {here}, {far} beyond its limits")
             excluded.append(joint)
     if excluded:
         part.clock.sleep(_FALLING)

@@ -15,12 +15,13 @@ from rtf.robot_testing.guard.read_only_board import ReadOnlyBoard, UndeclaredMot
 from rtf.robot_testing.motion.joint_queues import queues
 from rtf.robot_testing.motion.routines import one_at_a_time, pause, run_to_end, until
 from rtf.robot_testing.motion.trace import Trace
+from rtf.robot_testing.slides import converted, in_metres, shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from rtf.clock import Clock
-    from rtf.robot.client.boards import RemoteBoard
+    from rtf.robot.boards.client import RemoteBoard
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.guard.motion_guard import MotionGuard
     from rtf.robot_testing.motion.routines import Routine
@@ -33,6 +34,8 @@ TOLERANCE, GRACE = 0.5, 5.0
 LATEST = 0.3
 #: Time of a move within the tolerance, s, and its least speed, deg/s.
 _NEAR_TIME, _SLOWEST = 0.2, 1.0
+#: The greatest speed of a minimum-jerk trajectory, as a share of its mean.
+_PEAK = 15 / 8
 _HISTORY = 1000
 
 
@@ -110,7 +113,8 @@ class Part:
         sliding = frozenset[int]() if self.guard is None else self.guard.sliding
         chosen = [self.joint(which) for which in wanted] or [j for j in range(self.axes) if j not in sliding]
         if wrong := [self.names[joint] for joint in chosen if joint in sliding]:
-            raise RefusedError(f"{', '.join(wrong)} of {self.name} is prismatic: tests move joints by degrees")
+            names = ", ".join(wrong)
+            raise RefusedError(f"{names} of {self.name} is prismatic, and the robot's model does not say so: not moved")
         if not chosen:
             raise RefusedError(f"no joint of {self.name} is revolute")
         return chosen
@@ -123,6 +127,21 @@ class Part:
         """Return those of some joints, by default of all, that a test moves: revolute and not excluded."""
         chosen, guard = range(self.axes) if joints is None else joints, self.guard
         return [j for j in chosen if guard is None or not (guard.is_excluded(j) or j in guard.sliding)]
+
+    def paced(self, speeds: FloatArray, joints: Sequence[int] | None = None) -> FloatArray:
+        """Return speeds for moves (deg/s), at most those whose peak a joint reaches; of ``joints``, None: of all."""
+        most = self.fastest if joints is None else self.fastest[list(joints)]
+        paced: FloatArray = np.minimum(speeds, most / _PEAK)
+        return paced
+
+    def shown(self, joint: int, degrees: float, spec: str = ".2f", rate: str = "") -> str:
+        """Return a position, distance or speed (``rate`` "/s") of a joint as text, in the joint's unit."""
+        return shown(self.board, joint, degrees, spec, rate)
+
+    def column(self, joint: int, degrees: FloatArray, rate: str = "") -> tuple[FloatArray, str]:
+        """Return positions, or with a ``rate`` speeds, of a joint in its unit, with that unit, for a recording."""
+        factor, unit = converted(in_metres(self.board, joint), f"deg{rate}")
+        return degrees * factor, unit
 
     # Modes -------------------------------------------------------------------------------------------------------
 
@@ -191,7 +210,7 @@ class Part:
         self._need_guard("joints would move")
         chosen = list(range(self.axes)) if joints is None else list(joints)
         goal = np.asarray(targets, dtype=np.float64)
-        speeds = np.broadcast_to(np.asarray(speed, dtype=np.float64), goal.shape)
+        speeds = self.paced(np.broadcast_to(np.asarray(speed, dtype=np.float64), goal.shape), chosen)
         held = self.held(chosen)
         going = [place for place, joint in enumerate(chosen) if joint in held]
         begin, here = self.clock.now(), self.board.encoders(chosen)

@@ -90,7 +90,8 @@ def _move_twice(
     if arrival.reached:
         return {}
     return {
-        joint: f"{part.names[joint]} is at {where:.2f} deg, not at {target:.2f}, though it was commanded twice"
+        joint: f"{part.names[joint]} is at {part.shown(joint, where)}, not at {part.shown(joint, target)}, though it "
+        "was commanded twice"
         for joint, where, target in zip(joints, arrival.positions, targets, strict=True)
         if not abs(where - target) <= tolerance
     }

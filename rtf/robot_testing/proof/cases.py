@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 #: Faults of these layers end the simulator, which the other cases share; the tests of the fixture cover them.
 _NOT_IN_SUITES = frozenset({Layer.PROCESS})
 
+#: The tests that need a simulator with cameras.
+_WITH_CAMERAS = ("CameraTest", "RgbdTest")
+
 
 class Expectation(Enum):
     """The expected result of a case."""
@@ -73,7 +76,8 @@ class Case:
     @property
     def needs_cameras(self) -> bool:
         """Whether the simulator must be started with cameras."""
-        return self.test == "CameraTest" or (bool(self.fault) and find_kind(self.fault).target_kind is Target.CAMERA)
+        kinds = (Target.CAMERA, Target.DEPTH_CAMERA)
+        return self.test in _WITH_CAMERAS or (bool(self.fault) and find_kind(self.fault).target_kind in kinds)
 
 
 def cases_of(claims: Claims, *, fast: bool = False) -> Iterator[Case]:
@@ -150,6 +154,10 @@ def _targets(robot: RobotModel) -> dict[Target, str]:
         targets[Target.IMU] = next(iter(sensors.inertial))
     if sensors.cameras:
         targets[Target.CAMERA] = next(iter(sensors.cameras))
+    if sensors.skin:
+        targets[Target.SKIN] = next(iter(sensors.skin))
+    if sensors.depth_cameras:
+        targets[Target.DEPTH_CAMERA] = next(iter(sensors.depth_cameras))
     if sensors.battery is not None:
         targets[Target.BATTERY] = "battery"
     return targets

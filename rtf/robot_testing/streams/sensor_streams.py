@@ -9,16 +9,16 @@ import numpy as np
 from rtf.errors import RtfError
 from rtf.middleware.ports.rpc import RpcClient
 from rtf.middleware.types import VECTOR, call
-from rtf.robot.client.analog_sensors import read_metadata
 from rtf.robot.interfaces import SensorCategory
-from rtf.robot.sensor_message import SENSOR_MESSAGE
+from rtf.robot.sensors.analog_sensors import read_metadata
+from rtf.robot.sensors.measurements import SENSOR_MESSAGE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rtf.middleware.ports.network import Network
     from rtf.robot.interfaces import FloatArray, SensorInfo, SensorReading
-    from rtf.robot.sensor_message import Measurements
+    from rtf.robot.sensors.measurements import Measurements
     from rtf.robot_testing.streams.port_recorder import Message
 
 #: The suffix of the stream of a server with several sensors.

@@ -38,7 +38,9 @@ class Target(Enum):
     FORCE_TORQUE = "a force-torque sensor, such as left_arm"
     IMU = "the inertial unit: imu"
     CAMERA = "a camera: left or right"
+    DEPTH_CAMERA = "a depth camera, such as depth of the bench"
     BATTERY = "the battery: battery"
+    SKIN = "a patch of skin, such as left_hand"
     PORT = "a port that publishes, such as /icubSim/head/state:o"
     ROBOT = "the robot: no name"
 

@@ -14,8 +14,8 @@ from rtf.simulator.faults.base import Fault, Layer, Parameter, Target
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from rtf.robot.battery import BatteryReading
     from rtf.robot.interfaces import FloatArray
+    from rtf.robot.sensors.battery import BatteryReading
     from rtf.simulator.battery import SimulatedBattery
     from rtf.simulator.simulated_cameras import SimulatedCamera
     from rtf.simulator.simulated_sensors import SimulatedForceTorque, SimulatedImu

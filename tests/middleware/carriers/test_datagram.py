@@ -14,13 +14,14 @@ import pytest
 
 from rtf.bottle import Bottle, Dialect, as_int
 from rtf.middleware.carriers import datagram
-from rtf.middleware.carriers.datagram import DatagramInput, Udp, cut
+from rtf.middleware.carriers.datagram import DatagramInput, Udp
 from rtf.middleware.carriers.stream import Stream, StreamClosedError
 from rtf.middleware.errors import ConnectError
 from rtf.middleware.ports.buffered import BufferedPort
 from rtf.middleware.ports.port import Port
 from rtf.middleware.types.codecs import BOTTLE
 from rtf.middleware.wire import framing
+from rtf.middleware.wire.datagrams import split
 from rtf.middleware.wire.outgoing_message import OutgoingMessage
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def sending_to(reader: Port) -> Iterator[socket.socket]:
 def datagram_of(number: int) -> bytes:
     """Return a message of about 64 bytes in a datagram."""
     message = OutgoingMessage("D", Bottle([number, bytes(28)]), BOTTLE, Dialect.YARP3)
-    (datagram,) = cut(framing.front("D", "", message.size) + b"".join(message.blocks))
+    (datagram,) = split(framing.front("D", "", message.size) + b"".join(message.blocks))
     return datagram
 
 

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from rtf.middleware.carriers import authentication
 from rtf.middleware.carriers.stream import Stream
 from rtf.middleware.errors import MiddlewareError, ProtocolError
+from rtf.middleware.naming.configuration import find_key
+from rtf.middleware.wire import authentication
 from rtf.resources import ResourceError
 
 if TYPE_CHECKING:
@@ -50,22 +51,22 @@ def outcome(work: Callable[[], None]) -> tuple[threading.Thread, list[Middleware
 
 def test_the_same_key(ends: Ends):
     """Both are content, and what follows is not touched."""
-    thread, errors = outcome(lambda: authentication.accept(ends[0], KEY))
-    authentication.connect(ends[1], KEY)
+    thread, errors = outcome(lambda: ends[0].run(authentication.accept(ends[0], KEY)))
+    ends[1].run(authentication.connect(ends[1], KEY))
     ends[1].send(b"YA\xe4\x1e\x00\x00RP")
     thread.join()
     assert errors == []
-    assert bytes(ends[0].take(8)) == b"YA\xe4\x1e\x00\x00RP"
+    assert bytes(ends[0].run(ends[0].take(8))) == b"YA\xe4\x1e\x00\x00RP"
 
 
 def test_to_the_byte(ends: Ends):
     """Three messages: a number that was made up, and the signature of all numbers so far."""
-    thread, errors = outcome(lambda: authentication.accept(ends[0], KEY))
-    first = bytes(ends[1].take(40))
+    thread, errors = outcome(lambda: ends[0].run(authentication.accept(ends[0], KEY)))
+    first = bytes(ends[1].run(ends[1].take(40)))
     assert first[8:] == hmac.digest(KEY, first[:8], "sha256")
     second = b"12345678"
     ends[1].send(second + hmac.digest(KEY, first[:8] + second, "sha256"))
-    third = bytes(ends[1].take(40))
+    third = bytes(ends[1].run(ends[1].take(40)))
     assert third[8:] == hmac.digest(KEY, first[:8] + second + third[:8], "sha256")
     thread.join()
     assert errors == []
@@ -74,9 +75,9 @@ def test_to_the_byte(ends: Ends):
 @pytest.mark.parametrize(("ours", "theirs"), [(KEY, b"another"), (b"another", KEY), (KEY, KEY + b" ")])
 def test_another_key(ends: Ends, ours: bytes, theirs: bytes):
     """Anyone who calls hears it first, and has then not shown anything that could be used."""
-    thread, errors = outcome(lambda: authentication.accept(ends[0], ours))
+    thread, errors = outcome(lambda: ends[0].run(authentication.accept(ends[0], ours)))
     with pytest.raises(ProtocolError, match=r"does not know the key .*auth\.conf"):
-        authentication.connect(ends[1], theirs)
+        ends[1].run(authentication.connect(ends[1], theirs))
     ends[1].close()
     thread.join()
     assert len(errors) == 1
@@ -84,7 +85,7 @@ def test_another_key(ends: Ends, ours: bytes, theirs: bytes):
 
 def test_a_caller_without_a_key(ends: Ends):
     """What it sends instead is no proof."""
-    thread, errors = outcome(lambda: authentication.accept(ends[0], KEY))
+    thread, errors = outcome(lambda: ends[0].run(authentication.accept(ends[0], KEY)))
     ends[1].send(b"CONNECT me\r\n" + b"d\r\nhello\r\n" * 4)
     thread.join()
     assert "does not know the key" in str(errors[0])
@@ -92,14 +93,14 @@ def test_a_caller_without_a_key(ends: Ends):
 
 def test_what_was_recorded_is_of_no_use(ends: Ends):
     """The answer to one question does not fit the next."""
-    thread, _ = outcome(lambda: authentication.accept(ends[0], KEY))
-    first = bytes(ends[1].take(40))
+    thread, _ = outcome(lambda: ends[0].run(authentication.accept(ends[0], KEY)))
+    first = bytes(ends[1].run(ends[1].take(40)))
     answer = b"12345678" + hmac.digest(KEY, first[:8] + b"12345678", "sha256")
     ends[1].send(answer)
     thread.join()
-    bytes(ends[1].take(40))
-    thread, errors = outcome(lambda: authentication.accept(ends[0], KEY))
-    assert bytes(ends[1].take(40)) != first
+    bytes(ends[1].run(ends[1].take(40)))
+    thread, errors = outcome(lambda: ends[0].run(authentication.accept(ends[0], KEY)))
+    assert bytes(ends[1].run(ends[1].take(40))) != first
     ends[1].send(answer)
     thread.join()
     assert "does not know the key" in str(errors[0])
@@ -109,7 +110,7 @@ def test_one_that_says_nothing(ends: Ends):
     """It is waited for no longer than the stream waits."""
     ends[1].limit_waiting(0.05)
     with pytest.raises(MiddlewareError):
-        authentication.connect(ends[1], KEY)
+        ends[1].run(authentication.connect(ends[1], KEY))
 
 
 def test_where_the_key_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -117,7 +118,7 @@ def test_where_the_key_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     environment = {"YARP_CONFIG_HOME": str(tmp_path / "config"), "YARP_DATA_HOME": str(tmp_path / "data")}
     (tmp_path / "config").mkdir()
-    assert authentication.find_key(environment) == b""
+    assert find_key(environment) == b""
     path = tmp_path / "config" / "auth.conf"
     for text, key in (
         ("[AUTH]\nkey secret\n", b"secret"),
@@ -128,7 +129,7 @@ def test_where_the_key_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         ("[OTHER]\nkey secret\n", b""),
     ):
         path.write_text(text)
-        assert authentication.find_key(environment) == key
+        assert find_key(environment) == key
     path.write_text("[AUTH]\n[include missing.ini]\n")
     with pytest.raises(ResourceError, match=r"auth\.conf"):
-        authentication.find_key(environment)
+        find_key(environment)

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf import clock
-from rtf.middleware.carriers import authentication
 from rtf.middleware.carriers.stream import Stream
 from rtf.middleware.errors import AddressError, ConnectError, ProtocolError
 from rtf.middleware.naming.client import RemoteNames
+from rtf.middleware.wire import authentication
 from rtf.middleware.wire.contact import Contact
 
 if TYPE_CHECKING:
@@ -137,8 +137,8 @@ def test_a_server_that_wants_a_key(key: bytes, *, same: bool):
     def serve(connection: socket.socket) -> None:
         with suppress(ProtocolError):
             stream = Stream(connection)
-            authentication.accept(stream, b"secret")
-            assert stream.take_line() == b"NAME_SERVER query /a"
+            stream.run(authentication.accept(stream, b"secret"))
+            assert stream.run(stream.line()) == b"NAME_SERVER query /a"
             stream.send(b"*** end of message\r\n")
 
     with serving(serve) as unarmed:

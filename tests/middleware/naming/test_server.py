@@ -25,6 +25,7 @@ from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.port import Port
 from rtf.middleware.wire import framing
 from rtf.middleware.wire.contact import Contact
+from rtf.middleware.wire.name_server_lines import MAX_COMMAND
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -58,7 +59,7 @@ class TestLines:
     def test_too_long(self, server: NameServer, said: list[str], say: Say, wait_until: Callable[..., None]):
         """Who says too much is cut off, whether the line has an end or not, and nobody else is."""
         for ending in b"", b"\n":
-            line = b"NAME_SERVER set /a k " + b"x" * name_ser.MAX_COMMAND + ending
+            line = b"NAME_SERVER set /a k " + b"x" * MAX_COMMAND + ending
             with suppress(ConnectionResetError):  # it was cut off while it spoke
                 assert say(server.contact, line) == b""
         wait_until(lambda: len(said) == 2, "nothing was reported")

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rtf.bottle import Property
-from rtf.robot.interface.plan_drawing import draw_svg, draw_text
+from rtf.robot.interface.plan import draw_svg, draw_text
 from rtf.robot.interface.problems import RobotFileError
 from rtf.robot.interface.robot_reader import read_robot
 from scripted_devices import DOCTYPE

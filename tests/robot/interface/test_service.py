@@ -12,8 +12,8 @@ from rtf.bottle import Bottle
 from rtf.middleware.ports.rpc import RpcClient
 from rtf.middleware.wire import framing
 from rtf.robot.interface.model import Phase, Robot
+from rtf.robot.interface.program import make_service, open_service
 from rtf.robot.interface.robot_interface import RobotInterface
-from rtf.robot.interface.service import make_service, open_service
 from scripted_devices import action_xml as action
 from scripted_devices import device_xml as device
 from waiting import eventually

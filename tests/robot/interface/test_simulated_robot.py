@@ -20,15 +20,18 @@ from rtf.middleware.naming import configuration
 from rtf.middleware.naming.server import NameServer
 from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.rpc import RpcClient
-from rtf.robot.client.analog_sensors import AnalogSensorsClient
-from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.device import make_device
 from rtf.robot.devices.calibrator import BoardCalibrator
 from rtf.robot.errors import ConfigurationError, DeviceError, RefusedError, StaleStateError
 from rtf.robot.interface.robot_reader import read_robot
-from rtf.robot.interfaces import IPositionControl, PidType, SensorCategory
+from rtf.robot.interfaces import IAnalogSensor, IEncoders, IFrameGrabber, IPositionControl, PidType, SensorCategory
+from rtf.robot.sensors.analog_sensors import AnalogSensorsClient
+from rtf.robot.yarp3.client import RemoteControlBoard
+from rtf.simulator.control_client import SimulatorControl
+from rtf.simulator.errors import RenderingError
 from rtf.simulator.part import SimulatedPart
+from rtf.simulator.rendering import rendering_back_end
 from waiting import eventually
 
 if TYPE_CHECKING:
@@ -105,6 +108,7 @@ def test_from_start_to_end(program: Program):
         eventually(lambda: _reads(sensors), "no measurement of the force-torque sensors comes")
         names = {contact.name for contact in network.names.list("/icubSim")}
         assert {"/icubSim/inertial", "/icubSim/left_foot/analog:o", "/icubSim/head/stateExt:o"} <= names
+        assert {f"/icubSim/skin/{side}_{part}" for side in ("left", "right") for part in ("hand", "forearm")} <= names
         assert str(asking.call(Bottle.parse("quit"), timeout=10)) == "bye"
     assert program.process.wait(_LIMIT) == 0, program.said
     for part in PARTS:
@@ -173,6 +177,50 @@ def test_a_board_that_is_not_attached(network: Network):
         board.detach()
         with pytest.raises(DeviceError, match="attached to no"):
             position.motion_done()
+
+
+def test_it_has_the_control_port_and_the_faults_of_a_simulated_robot(network: Network):
+    """Faults of joints and of sensors reach the attached devices; the program is not ended by that port."""
+    robot = make_device("simulatedICub", Property({"factor": 20.0}), network=network)
+    with closing(robot), SimulatorControl("icubSim", network=network) as control:
+        sensor = make_device("simulatedForceTorque", Property({"sensor": "l_arm_ft_sensor"}))
+        sensor.attach({"robot": robot})
+        torso = make_device("simulatedBoard", Property({"part": "torso"}), name="torso")
+        torso.attach({"robot": robot})
+        readings = sensor.view(IAnalogSensor)
+        before = readings.read().values
+        control.inject("ft_bias", "left_arm", {"force": 50.0})
+        clock.current().sleep(0.1)
+        assert readings.read().values[0] - before[0] == pytest.approx(50.0, abs=2.0)
+        control.inject("motor_dead", "torso_yaw")
+        torso.view(IPositionControl).position_move(10.0, 0)
+        clock.current().sleep(2.0)
+        assert torso.view(IEncoders).encoder(0) == pytest.approx(0.0, abs=2.0)
+        assert control.clear() == 2
+        clock.current().sleep(3.0)
+        assert torso.view(IEncoders).encoder(0) == pytest.approx(10.0, abs=1.0)
+        with pytest.raises(RefusedError, match="end 'rtf robotinterface'"):
+            control.quit()
+
+
+def test_its_cameras(network: Network):
+    """With the parameter, each is a device, and otherwise it says why not."""
+    camera = make_device("simulatedCamera", Property({"sensor": "left"}), name="left_eye")
+    blind = make_device("simulatedICub", Property({"factor": 20.0}), network=network)
+    with closing(blind), pytest.raises(DeviceError, match="no camera 'left'; it has none; see the parameter cameras"):
+        camera.attach({"robot": blind})
+    try:
+        rendering_back_end()
+    except RenderingError as error:
+        pytest.skip(str(error))
+    with closing(make_device("simulatedICub", Property({"cameras": True}), network=network)) as robot:
+        camera.attach({"robot": robot})
+        pixels = camera.view(IFrameGrabber).image()[0].pixels
+        assert pixels.shape == (240, 320, 3)
+        assert pixels.std() > 5.0
+        camera.detach()
+        with pytest.raises(DeviceError, match="left_eye is attached to no simulated robot"):
+            camera.view(IFrameGrabber).width()
 
 
 def test_abort_on_the_simulated_robot(network: Network):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -99,6 +100,17 @@ def test_the_description_says_what_the_file_does_not(folder: Path):
         (HEAD + JOINTS + "[sensors.battery]\ncapacity = 9\nfull = 42\nempty = 30\n", 13, "max_current"),
         (HEAD + JOINTS + "[guard]\npeak_time = 0.3\nbreakaway = 2.0\n", 15, "guard.breakaway"),
         (HEAD + JOINTS + "[guard]\nstalled_time = 0\n", 14, "guard.stalled_time"),
+        (HEAD + JOINTS + "[thresholds.JointLimits]\ntolerance = 1\n", 13, 'origin is "measured on'),
+        (HEAD + JOINTS + "[thresholds.JointLimits]\norigin = 'guessed'\n", 14, "not 'guessed'"),
+        (HEAD + JOINTS + "[thresholds.JointLimits]\norigin = 'chosen'\njoints = [1]\n", 15, "joints says what is"),
+        (HEAD + JOINTS + "[thresholds.JointLimits]\norigin = 'chosen'\nhome = { a = 1 }\n", 15, "home"),
+        (HEAD + JOINTS + "[workspace]\n", 13, "write a box, or planes"),
+        (HEAD + JOINTS + "[workspace]\nbox = { low = [0, 0, 0], high = [1, 0, 1] }\n", 13, "each number of low"),
+        (HEAD + JOINTS + "[workspace]\nbox = { low = [0, 0], high = [1, 0, 1] }\n", 14, "workspace.box.low"),
+        (HEAD + JOINTS + "[workspace.planes]\nwall = { point = [1, 0, 0], normal = [0, 0, 0] }\n", 13, "plane wall"),
+        (HEAD + JOINTS + "[workspace.planes]\nwall = { point = [inf, 0, 0], normal = [1, 0, 0] }\n", 13, "finite"),
+        (HEAD + JOINTS + "[safe.folded]\nelbov = 90.0\n", 14, "no joint 'elbov'; did you mean elbow?"),
+        (HEAD + JOINTS + "[safe.folded]\nelbow = 121.0\n", 14, "elbow at 121 deg is not within its limits 0 and 120"),
         (HEAD + "[parts.'an arm'.joints]\nshoulder = {}\n", 10, "parts"),
     ],
 )
@@ -109,6 +121,57 @@ def test_what_is_wrong_is_told_with_its_place(folder: Path, text: str, line: int
     message = str(caught.value)
     assert message.startswith(f"{folder / 'robot.toml'}:{line}: "), message
     assert said in message
+
+
+def test_a_workspace_is_half_spaces(folder: Path):
+    """A box has six, a plane one; a normal points into the workspace in the file, and out of it in the value."""
+    robot = read(
+        folder,
+        HEAD + JOINTS + "[workspace]\nbox = { low = [-1, -2, 0], high = [1, 2, 3] }\n"
+        "[workspace.planes]\ntable = { point = [0, 0, 0.5], normal = [0, 0, 2] }\n"
+        "[workspace.points]\ntip = { link = 'fore', position = [0, 0, -0.2], radius = 0.02 }\n",
+    )
+    workspace = robot.workspace
+    assert workspace is not None
+    assert [one.name for one in workspace.half_spaces] == [
+        *("least x", "greatest x", "least y", "greatest y", "least z", "greatest z"),
+        "table",
+    ]
+    assert workspace.half_spaces[-1].normal == (0.0, 0.0, -1.0)
+    assert workspace.beyond(np.array([0.25, 0.0, 0.3])) == pytest.approx([-1.25, -0.75, -2, -2, -0.3, -2.7, 0.2])
+    assert workspace.beyond(np.zeros((4, 3))).shape == (4, 7)
+    assert (workspace.points[0].link, workspace.points[0].radius) == ("fore", 0.02)
+    assert read(folder, HEAD + JOINTS).workspace is None
+
+
+def test_the_edges_of_a_workspace(folder: Path):
+    """A box has twelve, which a plane may cut; a plane alone is drawn as a square, as large as is asked for."""
+    box = "[workspace]\nbox = { low = [-1, -1, 0], high = [1, 1, 2] }\n"
+    edges = {}
+    for name, text in {
+        "box": box,
+        "cut": box + "[workspace.planes]\ntable = { point = [0, 0, 0.5], normal = [0, 0, 1] }\n",
+        "corner": box + "[workspace.planes]\nwall = { point = [0.9, 0.9, 1.9], normal = [-1, -1, -1] }\n",
+        "plane": "[workspace.planes]\ntable = { point = [0, 0, 0.5], normal = [0, 0, 1] }\n",
+    }.items():
+        workspace = read(folder, HEAD + JOINTS + text).workspace
+        assert workspace is not None
+        edges[name] = workspace.edges((0.0, 0.0, 1.0), 8.0)
+    assert {name: len(found) for name, found in edges.items()} == {"box": 12, "cut": 12, "corner": 15, "plane": 4}
+    assert {point[2] for edge in edges["cut"] for point in edge} == {0.5, 2.0}
+    assert {point for edge in edges["plane"] for point in edge} == {
+        (x, y, 0.5) for x in (-4.0, 4.0) for y in (-4.0, 4.0)
+    }
+
+
+def test_a_safe_pose_is_a_position_of_every_axis(folder: Path):
+    """Joints that it does not name are at home."""
+    joints = JOINTS.replace("[-90, 90]", "[-90, 90], home = 5.0")
+    robot = read(folder, HEAD + joints + "[safe]\nfolded = { elbow = 90.0 }\nhanging = {}\n")
+    assert robot.safe_poses == {
+        "folded": {"shoulder": 5.0, "elbow": 90.0},
+        "hanging": {"shoulder": 5.0, "elbow": 0.0},
+    }
 
 
 def test_broken_toml_is_told_with_its_place(folder: Path):

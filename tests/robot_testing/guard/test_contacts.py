@@ -21,11 +21,11 @@ from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.port import Port
 from rtf.middleware.types import VECTOR
-from rtf.robot.client.boards import connect
+from rtf.robot.boards.client import connect
+from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.devices.fake_board import FakeBoard
-from rtf.robot.server.control_board import ControlBoardServer
-from rtf.robot.server.outlets import PipelinedOutlets
+from rtf.robot.network.outlets import PipelinedOutlets
 from rtf.robot_testing.guard.contacts import ContactWatch, Forces, NoForcesError, force_port
 from rtf.robot_testing.guard.limits import GuardError, Limits
 from rtf.robot_testing.guard.motion_guard import MotionGuard
@@ -35,7 +35,7 @@ from rtf.simulator.robot import SimulatedRobot
 from rtf.testing.events import SeriesRecorded
 from rtf.testing.verdict import Verdict
 
-from ...robot.sensor_bench import ManualClock  # noqa: TID252 - a neighbour among the tests
+from ...robot.sensor_bench import ManualClock
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -452,7 +452,7 @@ BARE = '''"""A board without a sensor."""
 from rtf.bottle import Property
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.periodic_thread import PeriodicThread
-from rtf.robot.server.control_board import ControlBoardServer
+from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot_testing import RobotTest, Safety
 class Bare(RobotTest):
     """Opens it."""

@@ -14,7 +14,7 @@ from rtf import clock
 from rtf.middleware.clocks.network_clock import LockstepClock
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
-from rtf.robot.client.boards import connect
+from rtf.robot.boards.client import connect
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.model.file import GuardTable
 from rtf.robot_testing.guard.limits import GuardError

@@ -13,21 +13,21 @@ from rtf import clock
 from rtf.bottle import Bottle, Property
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
-from rtf.robot.client.boards import connect
-from rtf.robot.client.control_board import RemoteControlBoard
+from rtf.robot.boards.client import connect
+from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.errors import NoAnswerError, NotSupportedError, RefusedError, RobotError, StaleStateError
 from rtf.robot.extended_state import Field
 from rtf.robot.interfaces import JointType, PidType, modes_for
-from rtf.robot.server.control_board import ControlBoardServer
-from rtf.robot.server.outlets import PipelinedOutlets
+from rtf.robot.network.outlets import PipelinedOutlets
+from rtf.robot.yarp3.client import RemoteControlBoard
 from rtf.robot_testing.guard.limits import GuardError, Limits
 from rtf.robot_testing.guard.motion_guard import MotionGuard
 from rtf.robot_testing.guard.motion_record import MotionRecord
 from rtf.robot_testing.motion.part import Part
 
-from ...robot.sensor_bench import ManualClock  # noqa: TID252 - a neighbour among the tests
+from ...robot.sensor_bench import ManualClock
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

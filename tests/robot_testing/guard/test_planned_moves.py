@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib.util import find_spec
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from icub import ICUB
 from rtf.robot.interfaces import FloatArray
+from rtf.robot.model.workspace import HalfSpace, Workspace
 from rtf.robot_testing.guard.planned_moves import MoveCheck, RefusedMoveError
 
 pytestmark = pytest.mark.skipif(
@@ -76,3 +78,11 @@ def test_motion_is_checked_ahead(moves: MoveCheck, arm: FloatArray):
         assert "would touch" in moves.ahead("left_arm", speeds)
     finally:
         arm[:] = BESIDE
+
+
+def test_a_move_out_of_the_workspace_is_refused(arm: FloatArray):
+    """The message has the point, how far it is beyond, and the plane."""
+    wall = Workspace((HalfSpace("wall", (0.0, -1.0, 0.0), 0.3),))
+    walled = MoveCheck(replace(ICUB, workspace=wall), {"left_arm": lambda: arm})
+    with pytest.raises(RefusedMoveError, match=r"l_\w+ is \d+ mm beyond wall of the workspace"):
+        walled.check("left_arm", [1, 3], np.array([100.0, 15.0]), np.array([20.0, 20.0]))

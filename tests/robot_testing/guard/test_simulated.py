@@ -19,8 +19,8 @@ from rtf.middleware.naming.configuration import find_network
 from rtf.middleware.naming.server import NameServer
 from rtf.middleware.ports.network import Network, listen
 from rtf.middleware.ports.rpc import RpcServer
+from rtf.robot.boards.server import ControlBoardDevice
 from rtf.robot.devices.fake_board import FakeBoard
-from rtf.robot.server.control_board_device import ControlBoardDevice
 from rtf.robot_testing.guard import simulated
 from rtf.robot_testing.guard.simulated import is_simulated
 from rtf.simulator.control_client import BOARD_ENDS, SimulatorControl, control_port

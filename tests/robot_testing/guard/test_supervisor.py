@@ -16,12 +16,12 @@ from rtf import clock
 from rtf.bottle import Property
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
-from rtf.robot.client.boards import connect
+from rtf.robot.boards.client import connect
+from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.errors import StaleStateError
 from rtf.robot.periodic_thread import PeriodicThread
-from rtf.robot.server.control_board import ControlBoardServer
 from rtf.robot_testing.guard.heartbeat import Heartbeat, heartbeats
 from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.guard.motion_guard import MotionGuard

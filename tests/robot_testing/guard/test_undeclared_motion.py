@@ -13,17 +13,17 @@ from rtf import clock
 from rtf.bottle import Property
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
+from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.interfaces import PidType
-from rtf.robot.server.control_board import ControlBoardServer
-from rtf.robot.server.outlets import PipelinedOutlets
+from rtf.robot.network.outlets import PipelinedOutlets
 from rtf.robot_testing import MotionGuard, Part
 from rtf.robot_testing.guard.read_only_board import ReadOnlyBoard, UndeclaredMotionError, connect_read_only
 from rtf.testing.events import Message
 from rtf.testing.verdict import Verdict
 
-from ...robot.sensor_bench import ManualClock  # noqa: TID252 - a neighbour among the tests
+from ...robot.sensor_bench import ManualClock
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -113,7 +113,7 @@ FORGETS = '''
 from rtf.bottle import Property
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.periodic_thread import PeriodicThread
-from rtf.robot.server.control_board import ControlBoardServer
+from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot_testing import RobotTest
 class Base(RobotTest):
     """Opens a board."""

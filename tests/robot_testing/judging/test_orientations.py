@@ -11,7 +11,7 @@ from rtf.robot_testing.judging.kinematics import rotation_of
 from rtf.robot_testing.judging.orientations import sure_turn
 from rtf.testing.verdict import TestFailure
 
-from ..kept_test import kept_test  # noqa: TID252 - a neighbour among the tests
+from ..kept_test import kept_test
 
 _RUNS = 300
 

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf import clock
-from rtf.robot.client.control_board import RemoteControlBoard
 from rtf.robot.control_modes import ControlMode
+from rtf.robot.yarp3.client import RemoteControlBoard
 from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.motion.joint_swings import Ends, JointSwinger
 from rtf.robot_testing.motion.routines import run_queues, run_to_end
 
-from ..part_bench import PartBench  # noqa: TID252 - a neighbour among the tests
+from ..part_bench import PartBench
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -14,7 +14,7 @@ from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.motion.duty_ramp import LimpMotor, limp
 from rtf.robot_testing.motion.part import Part
 
-from ..guard.test_motion_guard import Bench  # noqa: TID252 - a neighbour among the tests
+from ..guard.test_motion_guard import Bench
 
 COUPLED = Transmission(np.ones(3), np.array([[1.0, 0, 0], [0, 1, -1], [0, 1, 1]]), ((0,), (1, 2), (1, 2)))
 

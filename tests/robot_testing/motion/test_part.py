@@ -15,7 +15,7 @@ from rtf.robot_testing.motion.start_position import hold, late_joints
 from rtf.robot_testing.robot_test import RobotTest
 from rtf.testing.verdict import TestProblem
 
-from ..part_bench import Joints, PartBench  # noqa: TID252 - a neighbour among the tests
+from ..part_bench import Joints, PartBench
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -91,7 +91,7 @@ def test_a_required_move_names_the_joints_beyond_its_tolerance(bench: PartBench)
     bench.device.shown = {1: 0.3}
     part = bench.part
     arrival = part.move([5.0, 0.0, 0.0], tolerance=0.2, timeout=2.0)
-    with pytest.raises(TestProblem, match=r"did not reach home within 2.0 s: joint1 is at 0.30 deg, not 0.00$"):
+    with pytest.raises(TestProblem, match=r"did not reach home within 2.0 s: joint1 is at 0.30 deg, not 0.00 deg$"):
         RobotTest.require(Joints(), arrival, "home", part, [0, 1, 2], [5.0, 0.0, 0.0])
 
 

@@ -11,7 +11,7 @@ from rtf import clock
 from rtf.robot.extended_state import ExtendedState
 from rtf.robot_testing.motion.trace import Trace
 
-from ..part_bench import LocalTime, PartBench  # noqa: TID252 - a neighbour among the tests
+from ..part_bench import LocalTime, PartBench
 
 
 @pytest.mark.parametrize("ahead", [-0.1, 3600.0])

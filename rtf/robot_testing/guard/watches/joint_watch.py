@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from rtf.robot.client.boards import RemoteBoard
+    from rtf.robot.boards.client import RemoteBoard
     from rtf.robot.extended_state import ExtendedState
     from rtf.robot.interfaces import FloatArray
 

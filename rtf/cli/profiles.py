@@ -1,0 +1,57 @@
+"""The robots that suites name, and whether the thresholds of their profiles are validated: what the head of a run says.
+
+A suite names a robot by ``--robotmodel`` in an environment, or by the parameter ``model`` of the fixture ``simulator``.
+Nothing is said of suites that name none.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rtf.bottle import as_string
+from rtf.errors import RtfError
+from rtf.resources.arguments import parse_arguments, split_arguments
+from rtf.testing.events import Diagnosed
+from rtf.testing.verdict import Severity
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from rtf.testing.suite.model import TestSuite
+
+_SIMULATOR = "simulator"
+
+
+def profiles_of(suites: Iterable[TestSuite]) -> tuple[dict[str, str], list[Diagnosed]]:
+    """Return the origin of the thresholds of each robot, by ``profile.NAME``, and a warning if it is not validated.
+
+    A robot that cannot be read is said to be, too; its tests end with the same error.
+    """
+    facts: dict[str, str] = {}
+    said: list[Diagnosed] = []
+    for named in dict.fromkeys(name for suite in suites for name in _named_by(suite)):
+        from rtf.robot.model import load_robot  # which takes long to import
+
+        try:
+            robot = load_robot(named)
+        except RtfError as error:
+            said.append(Diagnosed(severity=Severity.WARNING, text=str(error)))
+            continue
+        facts[f"profile.{robot.name}"] = robot.origins
+        if robot.unvalidated:
+            said.append(Diagnosed(severity=Severity.WARNING, text=robot.unvalidated))
+    return facts, said
+
+
+def _named_by(suite: TestSuite) -> Iterator[str]:
+    for environment in (suite.environment, *(test.environment for test in suite.tests)):
+        yield from _values(environment, "robotmodel")
+    for fixture in suite.fixtures:
+        if fixture.plugin == _SIMULATOR:
+            yield from _values(fixture.param, "model")
+            yield from (value for key, value in fixture.parameters if key == "model")
+
+
+def _values(words: str, key: str) -> Iterator[str]:
+    if f"--{key}" in words and (value := as_string(parse_arguments(split_arguments(words)).find(key))):
+        yield value

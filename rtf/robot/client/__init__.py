@@ -1,1 +1,0 @@
-"""Clients: devices that are served by another process."""

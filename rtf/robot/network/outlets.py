@@ -1,0 +1,114 @@
+"""Outlets: the ports through which servers send streams, in the background or in lockstep with a simulator.
+
+The stamps of the messages are here, too.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Protocol
+
+from rtf.bottle.values import INT32_MAX
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.pipelined_port import PipelinedPort
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.ports.outputs import Output
+    from rtf.middleware.types.codecs import Codec
+
+
+class Outlet(Protocol):
+    """A port through which a server sends a stream."""
+
+    @property
+    def outputs(self) -> Sequence[Output]:
+        """The connected readers."""
+
+    def write(self, value: Any, *, envelope: str) -> object:  # Any: an object of the codec that it was opened with
+        """Send an object with its stamp. It may be changed afterwards, except while a ``local`` reader uses it."""
+
+    def settle(self, timeout: float | None = None) -> bool:
+        """Wait until all readers have received it; False after ``timeout`` s of real time."""
+
+    def close(self) -> None:
+        """Close the port."""
+
+
+class Outlets(Protocol):
+    """A factory of outlets."""
+
+    def open(self, name: str, codec: Codec[Any]) -> Outlet:
+        """Open a port for objects of a codec. Raises the middleware's errors."""
+
+
+class BackgroundOutlets:
+    """Outlets for real time: a slow reader misses messages, and the server does not wait for it.
+
+    ``strict``: no message is skipped; each waits until all readers have received the previous one.
+    """
+
+    def __init__(self, network: Network, *, strict: bool = False) -> None:
+        self._network = network
+        self._strict = strict
+
+    def open(self, name: str, codec: Codec[Any]) -> BackgroundOutlet:
+        """Open a port for objects of a codec."""
+        return BackgroundOutlet(name, codec, network=self._network, strict=self._strict)
+
+
+class BackgroundOutlet:
+    """An outlet that sends in the background."""
+
+    def __init__(self, name: str, codec: Codec[Any], *, network: Network, strict: bool) -> None:
+        self.port: BufferedPort[Any] = BufferedPort(name, codec, network=network, inputs=False)
+        self._strict = strict
+
+    @property
+    def outputs(self) -> Sequence[Output]:
+        """The connected readers."""
+        return self.port.outputs
+
+    def write(self, value: Any, *, envelope: str) -> None:
+        """Send an object with its stamp."""
+        self.port.write(value, envelope=envelope, strict=self._strict)
+
+    def settle(self, timeout: float | None = None) -> bool:
+        """Wait until all readers have received it; False after ``timeout`` s of real time."""
+        return self.port.wait(timeout)
+
+    def close(self) -> None:
+        """Close the port."""
+        self.port.close()
+
+
+class PipelinedOutlets:
+    """Outlets for lockstep publishing: ``write`` sends at once, ``settle`` waits for all readers."""
+
+    def __init__(self, network: Network) -> None:
+        self._network = network
+
+    def open(self, name: str, codec: Codec[Any]) -> PipelinedPort:
+        """Open a port for objects of a codec."""
+        return PipelinedPort(name, codec, network=self._network)
+
+
+class StampCounter:
+    """Generates the stamps of a stream, counting from ``first``; the count after the maximum is 0."""
+
+    def __init__(self, first: int = 0) -> None:
+        self._count = first
+
+    def next(self, time: float) -> str:
+        """Return the envelope of the next message, the text of a :class:`~rtf.middleware.types.Stamp`."""
+        count = self._count
+        self._count = count + 1 if count < INT32_MAX else 0
+        return f"{count} {_text(time)}"
+
+
+@lru_cache(maxsize=16)
+def _text(time: float) -> str:
+    """Return the text of a time; cached, as many streams have the same."""
+    return f"{time:.15g}"

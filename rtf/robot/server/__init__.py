@@ -1,1 +1,0 @@
-"""Servers: they put a device on the network."""
