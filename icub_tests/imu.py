@@ -13,6 +13,7 @@ from rtf.robot.control_modes import ControlMode
 from rtf.robot.interfaces import SensorCategory
 from rtf.robot.sensors.measurements import SENSOR_MESSAGE
 from rtf.robot_testing import Safety, likely_causes
+from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.judging.kinematics import rotation_of, rotation_vector
 from rtf.robot_testing.judging.orientations import each_once, sure_turn, turns_of, vertical_turn
 from rtf.robot_testing.judging.robot_description import read_description
@@ -191,10 +192,15 @@ class Imu(StreamTest):
     def _move(self, part: Part, joint: int) -> bool:
         """Move a joint to both sides and home; a joint that does not arrive fails. Return whether it arrived."""
         late: dict[int, str] = {}
-        for goal in self._goals(part, joint):
-            late = late or late_joints(part, [joint], [goal], speed=self.speed)
-            part.wait(_REST)
-        late = late_joints(part, [joint], [part.home[joint]], speed=self.speed) | late
+        try:
+            for goal in self._goals(part, joint):
+                late = late or late_joints(part, [joint], [goal], speed=self.speed)
+                part.wait(_REST)
+            late = late_joints(part, [joint], [part.home[joint]], speed=self.speed) | late
+        except GuardError as error:
+            if error.joint != joint:
+                raise
+            late = {joint: str(error)}
         if late:
             with self.subresult(part.names[joint]):
                 self.assert_fail(f"{late[joint]}; {likely_causes('does not move')}")

@@ -84,7 +84,8 @@ def test_a_unit_that_is_turned_a_little_is_found_by_its_turn(outcome, measured):
 def test_a_joint_that_is_stuck_fails_by_its_name(outcome, measured):
     """What the unit feels of the others is judged all the same."""
     assert failed_parts(outcome, "stuck") == ["neck_yaw"]
-    assert "though it was commanded twice; likely: a broken motor cable" in said(outcome, "stuck")
+    assert "neck_yaw (/icubSim/head joint 2) draws" in said(outcome, "stuck")
+    assert "it was released; likely: a broken motor cable" in said(outcome, "stuck")
     assert not measured(outcome, "stuck", "motion of neck_yaw")
     assert measured(outcome, "stuck", "turn of its mounting")[0].value < 0.5
 

@@ -32,7 +32,7 @@ def test_all_of_the_bench_is_judged():
 @pytest.fixture(scope="module")
 def icub() -> dict[str, frozenset[str]]:
     """The checks of the iCub."""
-    return checks("icub", "joints", "torque", "sensors", "force-torque")
+    return checks("icub", "joints", "torque", "sensors", "force-torque", "skin")
 
 
 def test_what_no_test_judges_is_said(icub: dict[str, frozenset[str]]):

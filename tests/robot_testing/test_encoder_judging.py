@@ -145,7 +145,8 @@ def test_a_visit_that_is_not_finite_ends_its_joint():
 def test_a_joint_without_values_does_not_hide_the_drift_of_another():
     """The test still ends early."""
     rows = []
-    test = kept_test("OpticalEncodersDrift", chosen=[0, 1], complaints={})
+    part = SimpleNamespace(column=lambda _joint, degrees: (degrees, "deg"))
+    test = kept_test("OpticalEncodersDrift", robot_part=part, chosen=[0, 1], complaints={})
     test._half_swings, test._visit = (lambda count: np.ones(2)), (lambda visits, done: None)
     test._apart = lambda visits: np.array([math.nan, 5.0])
     test._swing(None, SimpleNamespace(append=lambda *row: rows.append(row)))
