@@ -16,7 +16,7 @@ import numpy as np
 from rtf.middleware.types import Image
 from rtf.robot.device import Device
 from rtf.robot.interfaces import Intrinsics, IRgbdSensor, RgbdImages, RgbdPart, RgbdStatus
-from rtf.robot.sensors.point_cloud import pinhole
+from rtf.robot.network.camera_optics import pinhole
 from rtf.robot.sensors.rgbd import DEPTH_FORMAT
 from rtf.simulator.cameras import Camera
 

@@ -1,7 +1,8 @@
-"""The optics of a camera as YARP names them, in both dialects: its projection and its pose."""
+"""The optics of a camera: its projection and its pose, and how YARP names them in both dialects."""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,17 @@ _ROWS = 4  # of the matrix of the extrinsics
 #: The names of the parameters of a projection, in the order of Intrinsics.
 _NAMES = ("focalLengthX", "focalLengthY", "principalPointX", "principalPointY")
 _DISTORTION = ("k1", "k2", "t1", "t2", "k3")
+
+
+def pinhole(size: tuple[int, int], field_of_view: tuple[float, float]) -> Intrinsics:
+    """Return the projection of a camera without distortion, by its size in pixels and its field of view in deg."""
+    (width, height), (horizontal, vertical) = size, field_of_view
+    return Intrinsics(
+        width / 2 / math.tan(math.radians(horizontal) / 2),
+        height / 2 / math.tan(math.radians(vertical) / 2),
+        (width - 1) / 2,
+        (height - 1) / 2,
+    )
 
 
 def property_of(intrinsics: Intrinsics) -> Property:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from enum import IntEnum
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -11,6 +10,7 @@ from rtf.bottle.binary import encode
 from rtf.middleware.types import Image
 from rtf.robot.errors import NotSupportedError, RefusedError
 from rtf.robot.interfaces import CameraFeature, IFrameGrabber, IFrameGrabberControls
+from rtf.robot.network.camera_optics import pinhole
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -107,7 +107,19 @@ class ServedCamera:
 
     def intrinsic_parameters(self, matrix: str = "rectificationMatrix") -> Property:
         """Return the intrinsic parameters; lengths in pixels. ``matrix`` is the name of one of them."""
-        return pinhole(*self.resolution(), *self._camera.field_of_view(), matrix)
+        focal_x, focal_y, centre_x, centre_y, _ = pinhole(self.resolution(), self._camera.field_of_view())
+        return Property(
+            {
+                "physFocalLength": 0.0,
+                "focalLengthX": focal_x,
+                "focalLengthY": focal_y,
+                "principalPointX": centre_x,
+                "principalPointY": centre_y,
+                matrix: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+                "distortionModel": "none",
+                **dict.fromkeys(("k1", "k2", "k3", "t1", "t2"), 0.0),
+            }
+        )
 
     def mirrored(self) -> bool:
         """Return whether the image is mirrored."""
@@ -213,19 +225,3 @@ def image_of(elements: Bottle) -> Image:
         return Image.codec.decode(encode(value), Dialect.YARP4)
     except ValueError as error:
         raise BottleError(f"an image was expected: {error}") from error
-
-
-def pinhole(width: int, height: int, horizontal: float, vertical: float, matrix: str) -> Property:
-    """Return the intrinsic parameters of a camera without distortion. Fields of view in deg, lengths in pixels."""
-    return Property(
-        {
-            "physFocalLength": 0.0,
-            "focalLengthX": width / 2 / math.tan(math.radians(horizontal) / 2),
-            "focalLengthY": height / 2 / math.tan(math.radians(vertical) / 2),
-            "principalPointX": (width - 1) / 2,
-            "principalPointY": (height - 1) / 2,
-            matrix: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-            "distortionModel": "none",
-            **dict.fromkeys(("k1", "k2", "k3", "t1", "t2"), 0.0),
-        }
-    )

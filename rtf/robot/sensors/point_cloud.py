@@ -1,4 +1,4 @@
-"""Geometry of depth cameras: projections, and the points in space that a depth image shows."""
+"""The points in space that a depth image shows."""
 
 from __future__ import annotations
 
@@ -7,21 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rtf.robot.interfaces import Intrinsics
-
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-
-def pinhole(size: tuple[int, int], field_of_view: tuple[float, float]) -> Intrinsics:
-    """Return the projection of a camera without distortion, by its size in pixels and its field of view in deg."""
-    (width, height), (horizontal, vertical) = size, field_of_view
-    return Intrinsics(
-        width / 2 / math.tan(math.radians(horizontal) / 2),
-        height / 2 / math.tan(math.radians(vertical) / 2),
-        (width - 1) / 2,
-        (height - 1) / 2,
-    )
+    from rtf.robot.interfaces import Intrinsics
 
 
 def points_of(

@@ -19,12 +19,12 @@ from rtf.robot.device import Device
 from rtf.robot.devices.fake_camera import FakeFrameGrabber
 from rtf.robot.errors import DeviceError, NoAnswerError
 from rtf.robot.interfaces import Intrinsics, IRgbdOptics, IRgbdSensor, RgbdImages, RgbdPart, RgbdStatus
+from rtf.robot.network.camera_optics import pinhole
 from rtf.robot.network.client_settings import RPC_TIMEOUT, unique_local
 from rtf.robot.network.latest_message import LatestMessage
 from rtf.robot.network.publishing_device import PublishingDevice
 from rtf.robot.network.stream_client import RpcConnection
 from rtf.robot.network.stream_server import StreamServer
-from rtf.robot.sensors.point_cloud import pinhole
 from rtf.robot.yarp3.rgbd import RgbdResponder, RgbdWords
 from rtf.robot.yarp4.camera import has_functions
 from rtf.robot.yarp4.rgbd import RgbdFunctions, rgbd_service

@@ -5,13 +5,14 @@ The source is YARP's ``RGBDSensorMsgs.thrift``. Its functions for the features o
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rtf.bottle import BottleError
 from rtf.middleware.types import Image, Stamp
-from rtf.robot.errors import NoAnswerError, NotSupportedError, RobotError
+from rtf.robot.errors import NoAnswerError, NotSupportedError
 from rtf.robot.interfaces import IFrameGrabberControls, IRgbdOptics, IRgbdSensor, RgbdPart, RgbdStatus
 from rtf.robot.network.camera_optics import intrinsics_of, matrix_of, property_of
 from rtf.robot.yarp4 import functions as row
@@ -152,7 +153,4 @@ class RgbdFunctions(IRgbdOptics):
     def _call(self, name: str) -> Any:
         message = BY_NAME[name]
         answer = self._rpc.ask(request_of(message, ()))
-        return result_of(message, (), answer.elements(), device=self._name, error_of=self._error)
-
-    def _error(self, code: ReturnValue, what: str) -> RobotError:
-        return refusal(self._name, code, what)
+        return result_of(message, (), answer.elements(), device=self._name, error_of=partial(refusal, self._name))

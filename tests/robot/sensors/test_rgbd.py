@@ -25,9 +25,9 @@ from rtf.robot.errors import (
     StaleStateError,
 )
 from rtf.robot.interfaces import Intrinsics, IRgbdOptics, IRgbdSensor, RgbdPart, RgbdStatus
-from rtf.robot.network.camera_optics import intrinsics_of, property_of
+from rtf.robot.network.camera_optics import intrinsics_of, pinhole, property_of
 from rtf.robot.network.stream_client import RpcConnection
-from rtf.robot.sensors.point_cloud import pinhole, points_of
+from rtf.robot.sensors.point_cloud import points_of
 from rtf.robot.sensors.rgbd import FakeDepthCamera, RgbdClient, RgbdServer
 from rtf.robot.yarp3.rgbd import RgbdResponder, RgbdWords
 from waiting import eventually
