@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import os
 import signal
 import zlib
 from pathlib import Path
@@ -12,6 +14,13 @@ from hypothesis import settings
 # How long an example takes says how busy the machine is, and nothing about what is tested. Each run has other examples.
 settings.register_profile("project", deadline=None, max_examples=50)
 settings.load_profile("project")
+
+# Ten thousand tests are many objects, and none of them is garbage: searching them takes a third of the collection.
+gc.disable()
+
+# The library behind numpy would start a thread for each core in each of thousands of programs, none of which has
+# matrices large enough for two.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # A shell has what it runs in the background ignore SIGINT, and nohup SIGHUP; so would all programs that are started and
 # stopped here.
@@ -60,6 +69,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Where several processes share the tests, file by file, put the files into the order in which they are begun."""
     if hasattr(config, "workerinput"):
         items.sort(key=_turn)
+
+
+def pytest_collection_finish() -> None:
+    """From here on, search for garbage among what the tests make."""
+    gc.freeze()
+    gc.enable()
 
 
 def _turn(item: pytest.Item) -> tuple[int, int, str]:

@@ -13,6 +13,7 @@ import numpy as np
 from rtf import clock
 from rtf.errors import RtfError
 from rtf.middleware.clocks.network_clock import CLOCK_VARIABLE, LockstepClock, clock_from_environment
+from rtf.middleware.naming.waiting import await_name_server
 from rtf.middleware.ports.network import default_network
 from rtf.robot.errors import RefusedError, RobotError, StaleStateError
 from rtf.robot_testing.failure_recording import FailureRecording
@@ -29,7 +30,6 @@ from rtf.robot_testing.injected_fault import parse_injection, wrong_fault
 from rtf.robot_testing.judging.failure_causes import likely_causes
 from rtf.robot_testing.judging.real_time_checks import CpuPressure, overload
 from rtf.robot_testing.motion.part import Part
-from rtf.robot_testing.name_server import await_name_server
 from rtf.robot_testing.parameter_checks import refuse, wrong_lists
 from rtf.robot_testing.robot_name import ROBOT_VARIABLE, robot_model, robot_name
 from rtf.robot_testing.slides import converted, in_unit, open_board, slides_of

@@ -73,6 +73,10 @@ def drawn(tmp_path: Path, seed: str, name: str) -> list[float]:
 class TestRandomNumbers:
     """Each test draws its own, unless the file has chosen a seed; and nothing is set for libraries of numbers."""
 
+    @pytest.fixture(autouse=True)
+    def _as_the_user_has_it(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+
     def test_are_drawn_anew_in_each_test(self, tmp_path: Path):
         """The legacy generator of numpy is seeded in each test, as that of Python is."""
         for name in ("numpy", "python"):
