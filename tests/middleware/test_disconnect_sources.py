@@ -10,7 +10,7 @@ import pytest
 
 from rtf import clock
 from rtf.bottle import Bottle, Dialect, Vocab
-from rtf.middleware.ports import remote
+from rtf.middleware.ports import disconnect_sources, remote
 from rtf.middleware.ports.buffered import BufferedPort
 from rtf.middleware.ports.port import Port
 from rtf.middleware.wire import framing
@@ -37,8 +37,12 @@ class TestSources:
     """Those who send to it."""
 
     @pytest.mark.parametrize("carrier", ["tcp", "fast_tcp", "udp", "mcast", "text_ack", "unix_stream"])
-    def test_disconnect(self, network: Network, carrier: str):
-        """When it is closed no writer lists it any more, and none has lost a connection by an error."""
+    def test_disconnect(self, network: Network, monkeypatch: pytest.MonkeyPatch, carrier: str):
+        """When it is closed no writer lists it any more, and none has lost a connection by an error.
+
+        How long that may take is another test's question: here a busy machine has all the time it needs.
+        """
+        monkeypatch.setattr(disconnect_sources, "_PATIENCE", 30.0)
         writers = [Port(f"/writer/{number}", network=network) for number in range(10)]
         with BufferedPort("/reader", network=network) as reader:
             for writer in writers:

@@ -64,6 +64,7 @@ class Fx(FixtureManager):
 
     def do_raise(self): raise RuntimeError("broken on purpose")
     def do_false(self): return False
+    def do_false_at_first(self): return self.generation > 1
     def do_exit(self): print("last words", flush=True); os._exit(3)
     def do_sysexit(self): sys.exit(4)
     def do_segv(self): ctypes.string_at(0)
@@ -659,7 +660,8 @@ class TestOwedPark:
         second = on(
             lambda event: isinstance(event, FixtureChanged) and (event.state, event.generation) == (READY, 2), 3
         )
-        outcome = lab.run(rig(on_park="hang", times=2) + case(hang="true"), interfere=second)
+        fixtures = rig(on_park="hang", on_check="false_at_first", times=2)
+        outcome = lab.run(fixtures + case(hang="true"), interfere=second)
         causes = [incident.cause for incident in incidents(outcome, "rig")]
         assert causes == [
             "check() returned False",
