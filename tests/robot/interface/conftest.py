@@ -1,4 +1,4 @@
-"""Robots in this process, made of scripted devices; nothing of them is left afterwards."""
+"""Robots of scripted devices in this process; the fixtures check that they leave no thread and no descriptor."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture
 def network() -> Iterator[Network]:
-    """A network of this process; no thread and no descriptor of it is left."""
+    """A network of this process; it must leave no thread and no descriptor."""
     threads, descriptors = set(threading.enumerate()), open_descriptors()
     yield Network(LocalNames())
     scripted_devices.let_go()
@@ -38,7 +38,7 @@ _LONG = Patience(open=30.0, close=30.0, action=30.0, move=30.0, abort=30.0, grac
 
 
 class Bench:
-    """Runs robots. ``told`` is what they said, ``calls`` what was called of their devices."""
+    """Runs robots of scripted devices: ``told`` has the robots' log messages, ``calls`` the calls of the devices."""
 
     #: Other timeouts than those for robots with such devices.
     patience: Patience | None = None
@@ -50,13 +50,13 @@ class Bench:
         self.calls = scripted_devices.CALLS
 
     def read(self, inside: str, attributes: str = 'build="1" portprefix="/bot"', **given: object) -> ReadResult:
-        """Read a robot with this inside."""
+        """Read a robot whose file has these elements in ``<robot>``."""
         path = self.folder / "robot.xml"
         path.write_text(scripted_devices.robot_xml(inside, attributes), encoding="utf-8")
         return read_robot(path, Property(given))
 
     def make(self, inside: str, *, autoclose: bool = False, attributes: str = 'build="1"') -> RobotInterface:
-        """A robot that can be run."""
+        """Return a robot with these elements, ready to be run."""
         hangs = any(word in inside for word in ("hang", "deaf"))
         return RobotInterface(
             self.read(inside, attributes).robot,
@@ -67,24 +67,24 @@ class Bench:
         )
 
     def run(self, inside: str, attributes: str = 'build="1"') -> Outcome:
-        """Run a robot that ends as soon as it is ready."""
+        """Run a robot until it is ready, close it, and return the outcome."""
         return self.make(inside, autoclose=True, attributes=attributes).run()
 
     def errors(self) -> list[str]:
-        """What was told as an error."""
+        """The log messages of the level ERROR."""
         return [sentence for level, sentence in self.told if level == "ERROR"]
 
 
 @pytest.fixture
 def bench(tmp_path: Path, network: Network, monkeypatch: pytest.MonkeyPatch) -> Bench:
-    """Robots whose devices are scripted."""
+    """A bench, with the types of the scripted devices in the table of devices."""
     monkeypatch.setattr(device, "SHIPPED", {**device.SHIPPED, **scripted_devices.SHIPPED})
     scripted_devices.begin()
     return Bench(tmp_path, network)
 
 
 class Running:
-    """A robot that runs in a thread."""
+    """A robot that runs in a thread of its own."""
 
     def __init__(self, interface: RobotInterface) -> None:
         self.interface = interface
@@ -96,7 +96,7 @@ class Running:
         self.outcome = self.interface.run()
 
     def end(self) -> Outcome:
-        """Wait for its end."""
+        """Wait until the robot has ended, and return the outcome."""
         self._thread.join(30)
         assert self.outcome is not None
         return self.outcome
@@ -104,7 +104,7 @@ class Running:
 
 @pytest.fixture
 def started() -> Iterator[Callable[[RobotInterface], Running]]:
-    """Runs robots in threads; they have ended afterwards."""
+    """Return a function that runs a robot in a thread; the robots are interrupted after the test."""
     running: list[Running] = []
 
     def start(interface: RobotInterface) -> Running:

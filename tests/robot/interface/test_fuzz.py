@@ -1,4 +1,4 @@
-"""Files of robots that are mutated and made up: they are read, or refused with our own error, in bounded time."""
+"""Mutated and generated files of robots: the reader reads them, or refuses them with an error of its own."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ VALUES = [
 
 
 def read(data: bytes) -> None:
-    """Read it, and use what is read."""
+    """Read a file; draw the robot, or check that each problem begins with the path of the file."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "r.xml")
         path.write_bytes(data)
@@ -70,7 +70,7 @@ def read(data: bytes) -> None:
 @settings(max_examples=120, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, len(RECORDED) - 1), st.integers(0, 20), st.binary(max_size=20)), max_size=8))
 def test_mutated(changes: list[tuple[int, int, bytes]]):
-    """Bytes of a real file are lost, changed and added."""
+    """A real file with bytes lost, changed and added is read or refused."""
     data = RECORDED
     for place, lost, added in changes:
         data = data[:place] + added + data[place + lost :]
@@ -86,7 +86,7 @@ def test_mutated(changes: list[tuple[int, int, bytes]]):
     )
 )
 def test_shuffled(cuts: list[tuple[int, int, int]]):
-    """Pieces of a real file turn up elsewhere in it."""
+    """A real file with pieces copied to other places is read or refused."""
     data = RECORDED
     for begin, end, place in cuts:
         data = data[:place] + data[min(begin, end) : max(begin, end)][:2000] + data[place:]
@@ -94,7 +94,7 @@ def test_shuffled(cuts: list[tuple[int, int, int]]):
 
 
 def element(children: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
-    """An element with what stands in it."""
+    """Generate an element with any known name and attributes, around these children."""
 
     def write(tag: str, attributes: dict[str, str], inside: list[str]) -> str:
         written = "".join(f" {name}={quoteattr(value)}" for name, value in attributes.items())
@@ -108,7 +108,7 @@ def element(children: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
 @settings(max_examples=120, deadline=None)
 @given(st.lists(st.recursive(st.sampled_from(VALUES).map(escape), element, max_leaves=30), max_size=5), st.booleans())
 def test_made_up(inside: list[str], typed: bool):
-    """Elements anywhere, with attributes that belong to others."""
+    """A file of known elements in any order, with attributes of other elements, is read or refused."""
     text = f'{DOCTYPE if typed else ""}<robot name="r" build="1">{"".join(inside)}</robot>'
     read(text.encode())
 
@@ -117,5 +117,5 @@ def test_made_up(inside: list[str], typed: bool):
 @settings(max_examples=200, deadline=None)
 @given(st.binary(max_size=300))
 def test_anything(data: bytes):
-    """Bytes."""
+    """A file of any bytes is read or refused."""
     read(data)

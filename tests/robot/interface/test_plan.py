@@ -24,7 +24,7 @@ _SVG = "{http://www.w3.org/2000/svg}"
 
 
 def texts(svg: str) -> list[str]:
-    """The texts of a picture, which is well formed."""
+    """Return the texts of a picture, and check that it is well-formed SVG."""
     root = etree.fromstring(svg.encode(), etree.XMLParser(resolve_entities=False, no_network=True))
     assert root.tag == f"{_SVG}svg"
     assert {element.tag for element in root.iter()} <= {
@@ -37,7 +37,7 @@ def texts(svg: str) -> list[str]:
 
 
 def test_a_real_robot():
-    """Every device and every action is in both, opening and closing in their order."""
+    """Text and picture show every device and action, with opening in order and closing in reverse."""
     robot = read_robot(RECORDED).robot
     text = draw_text(robot)
     shown = texts(draw_svg(robot))
@@ -55,7 +55,7 @@ def test_a_real_robot():
 
 
 def test_what_each_kind_of_action_says(bench: Bench):
-    """What is attached to what, who moves what, and for how long."""
+    """The line of an action names its device, its targets and its timeout; phases without actions are left out."""
     inside = (
         action("attach", level=1, networks="(left right)", left="b", right="c")
         + action("attach", level=2, all="1")
@@ -86,7 +86,7 @@ def test_what_each_kind_of_action_says(bench: Bench):
 
 
 def test_a_robot_without_anything():
-    """There is something to be seen nevertheless."""
+    """A robot without devices has a plan with its name, its port and the phases."""
     robot = Robot("r", "")
     assert draw_text(robot).startswith("r, build 0, 0 devices, port /yarprobotinterface\n")
     assert "run" in texts(draw_svg(robot))
@@ -94,7 +94,7 @@ def test_a_robot_without_anything():
 
 @given(name=st.text(), other=st.text(), value=st.text())
 def test_texts_are_only_texts(name: str, other: str, value: str):
-    """Whatever a name is, the picture is well formed and the text is lines that a terminal shows as they are."""
+    """With any names the picture is well formed, and the text has printable characters only."""
     odd = Action(name, Phase.STARTUP, 1, ActionKind.CUSTOM, Property({"p": value}))
     robot = Robot(name, other, devices=(DeviceEntry(name, other, actions=(odd,)),))
     assert texts(draw_svg(robot))

@@ -1,4 +1,4 @@
-"""The recorded robot with its real devices: boards, a camera and an inertial sensor that are asked over the network."""
+"""The recorded robot with its real devices: boards, a camera and an inertial sensor answer requests on their ports."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ RECORDED = Path(__file__).parents[2] / "data" / "yarp_config" / "fakerobot.xml"
 
 
 def test_the_recorded_robot_runs(network: Network, started: Callable[[RobotInterface], Running]):
-    """Its ports answer as those of the real program did, and all of them are gone afterwards."""
+    """The robot registers the ports of the real program, answers on them, and unregisters them at its end."""
     told: list[tuple[str, str]] = []
     robot = read_robot(RECORDED).robot
     running = started(RobotInterface(robot, network=network, log=lambda *words: told.append(words)))

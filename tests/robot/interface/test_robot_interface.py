@@ -1,4 +1,4 @@
-"""The phases of a robot with devices that work, fail, throw and hang at each step."""
+"""The phases of a robot whose devices work, fail, raise and hang at each step."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ BROKEN = {
 
 
 def robot(**parameters: str) -> str:
-    """A board, its stub, and a calibrator whose parameters are given, that take part in everything."""
+    """A board, its server, a calibrator with these parameters, and a last device, with actions in all phases."""
     stub = action("attach", level=5, device="board") + action("detach", "shutdown", 5)
     calibrator = (
         action("attach", level=7, device="board")
@@ -60,8 +60,8 @@ ORDERLY = [
 ]
 
 
-def test_all_is_done_in_order(bench: Bench):
-    """Devices in the order of the document, actions by level, closing in reverse; and nothing is told as an error."""
+def test_a_run_keeps_its_order(bench: Bench):
+    """Devices open in the order of the file, actions run by level, closing is in reverse; no error is logged."""
     outcome = bench.run(robot())
     assert outcome.good
     assert bench.calls == ORDERLY
@@ -75,7 +75,7 @@ def test_all_is_done_in_order(bench: Bench):
 @pytest.mark.parametrize("how", BROKEN)
 @pytest.mark.parametrize("where", ["attach", "custom", "calibrate", "abort", "park", "detach"])
 def test_an_action_that_does_not_work(bench: Bench, where: str, how: str):
-    """It is named with device, action and place; everything else is done as if nothing had happened."""
+    """The error names device, action and place; all other devices run all their actions."""
     outcome = bench.run(robot(**{where: how}))
     assert not outcome.good
     (told, *_) = [one for one in bench.errors() if BROKEN[how] in one]
@@ -90,7 +90,7 @@ def test_an_action_that_does_not_work(bench: Bench, where: str, how: str):
 
 @pytest.mark.parametrize("how", BROKEN)
 def test_a_device_that_cannot_be_opened(bench: Bench, how: str):
-    """The others are opened and closed again, and nothing is done with them."""
+    """The other devices are opened and closed, without actions, and the robot is not ready."""
     outcome = bench.run(robot(open=how))
     assert not outcome.ready
     assert any("cal (scriptedCalibrator)" in one and BROKEN[how] in one for one in bench.errors())
@@ -102,7 +102,7 @@ def test_a_device_that_cannot_be_opened(bench: Bench, how: str):
 
 @pytest.mark.parametrize("how", BROKEN)
 def test_a_device_that_cannot_be_closed(bench: Bench, how: str):
-    """The others are closed, and the run is no success."""
+    """The other devices are closed, and the outcome is not good."""
     outcome = bench.run(robot(close=how))
     assert outcome.ready
     assert not outcome.good
@@ -111,8 +111,8 @@ def test_a_device_that_cannot_be_closed(bench: Bench, how: str):
 
 
 @pytest.mark.parametrize("kind", ["unheardOf", "notADevice", "notThere"])
-def test_a_type_that_is_none(bench: Bench, kind: str):
-    """It is a device that cannot be opened."""
+def test_an_unknown_type(bench: Bench, kind: str):
+    """A device of an unknown or unusable type counts as a device that cannot be opened."""
     outcome = bench.run(device("board") + device("odd", kind))
     assert not outcome.ready
     assert kind in outcome.failures[0]
@@ -120,7 +120,7 @@ def test_a_type_that_is_none(bench: Bench, kind: str):
 
 
 def test_what_a_device_does_not_offer(bench: Bench):
-    """Calibrating with what is no calibrator, and custom without it, are errors; abort and configure do nothing."""
+    """Calibrate, park, custom and attach of a device without that interface fail; abort and configure do nothing."""
     actions = (
         action("abort", level=1)
         + action("configure", level=1)
@@ -139,7 +139,7 @@ def test_what_a_device_does_not_offer(bench: Bench):
 
 
 def test_calibrations_of_a_level_go_on_together_and_the_next_level_waits(bench: Bench, started: Start):
-    """Two that wait for each other's beginning; what comes next begins when both have ended."""
+    """All calibrations of a level run at the same time; the next level begins when all have ended."""
     both = "".join(
         device(f"cal{n}", "scriptedCalibrator", action("calibrate", level=2, target=f"board{n}"), calibrate="hang")
         for n in (1, 2)
@@ -161,7 +161,7 @@ def test_calibrations_of_a_level_go_on_together_and_the_next_level_waits(bench: 
 
 
 def test_a_calibration_that_takes_too_long_is_aborted(bench: Bench):
-    """Its calibrator is told to stop, and the rest of the startup is still done."""
+    """After its timeout the calibrator is aborted, the rest of the startup runs, and the robot is not ready."""
     outcome = bench.run(robot(calibrate="wait"))
     assert "cal abort" in bench.calls[bench.calls.index("cal calibrate board") :]
     assert not outcome.ready
@@ -169,22 +169,22 @@ def test_a_calibration_that_takes_too_long_is_aborted(bench: Bench):
     assert "last attach board=board" in bench.calls
 
 
-def test_a_board_is_told_of_its_calibrator(bench: Bench):
-    """Before it is calibrated, so that others can ask for calibrations later."""
+def test_a_board_gets_its_calibrator(bench: Bench):
+    """The interface hands a board its calibrator before the calibration, for later requests of clients."""
     calibrator = device("cal", "scriptedCalibrator", action("calibrate", target="board"))
     assert bench.run(device("board", "scriptedBoard") + calibrator).good
     assert bench.calls[2:4] == ["board set_calibrator cal", "cal calibrate board"]
 
 
-def test_a_describing_device_is_told_of_all(bench: Bench):
-    """Whatever its attach says."""
+def test_a_describing_device_gets_all_devices(bench: Bench):
+    """A robotDescription device is attached to the list of all devices, whatever its attach names."""
     describing = device("all", "robotDescription_nws_yarp", action("attach", device="nobody"))
     assert bench.run(device("a") + describing).good
     assert "all attach robotDescription ('a', 'scripted') ('all', 'robotDescription_nws_yarp')" in bench.calls
 
 
 def test_devices_are_attached_under_the_names_that_the_file_has_for_them(bench: Bench):
-    """One, one by the name of its network, several by theirs, all."""
+    """A device is attached under its own name or that of its network; ``all`` attaches all others."""
     attaches = (
         action("attach", level=1, device="a")
         + action("attach", level=2, device="a", network="left")
@@ -202,7 +202,7 @@ def test_devices_are_attached_under_the_names_that_the_file_has_for_them(bench: 
 
 @pytest.mark.parametrize("reverse", [True, False])
 def test_levels_of_the_shutdown_may_be_reversed(bench: Bench, reverse: bool):
-    """The startup keeps its order, whatever is said of the shutdown."""
+    """The attribute reverses the levels of interrupts and shutdown, not those of the startup."""
     inside = "".join(
         action("custom", phase, level, name=f"{phase}{level}")
         for phase in ("startup", "interrupt1", "shutdown")
@@ -218,10 +218,10 @@ def test_levels_of_the_shutdown_may_be_reversed(bench: Bench, reverse: bool):
 
 
 class TestStopRequests:
-    """The end that is asked for, once and more often."""
+    """Requests to end the robot, one or several, at different moments."""
 
     def test_during_a_calibration(self, bench: Bench, started: Start):
-        """The calibrator is told to stop at once, what was to come is left out, and all is shut down in order."""
+        """A request aborts the calibrator, leaves out the rest of the startup, and shuts down in order."""
         running = started(bench.make(robot(calibrate="wait").replace('"timeout">0.5', '"timeout">60')))
         eventually(lambda: "cal calibrate board" in bench.calls, "it does not begin")
         running.interface.interrupt()
@@ -232,7 +232,7 @@ class TestStopRequests:
         assert bench.calls == [*expected[:at], "cal abort", *expected[at:]]
 
     def test_while_a_device_is_opened(self, bench: Bench, started: Start):
-        """No further device is opened, and those that are open are closed."""
+        """A request lets the opening end, opens no further device, and closes those that are open."""
         bench.patience = Patience(open=30.0)
         running = started(bench.make(device("a") + device("b", open="hang") + device("c")))
         eventually(lambda: "b open" in bench.calls, "it does not begin")
@@ -244,8 +244,8 @@ class TestStopRequests:
         assert not running.end().ready
         assert bench.calls == ["a open", "b open", "b close", "a close"]
 
-    def test_a_second_command_does_not_wait_for_a_device_that_hangs(self, bench: Bench, started: Start):
-        """It is left, and the others are closed."""
+    def test_a_second_request_does_not_wait_for_a_device_that_hangs(self, bench: Bench, started: Start):
+        """The second request abandons a device that hangs while it opens; the others are closed."""
         bench.patience = Patience(open=30.0, close=1.0, hurry=0.5)
         running = started(bench.make(device("a") + device("b", open="hang") + device("c")))
         eventually(lambda: "b open" in bench.calls, "it does not begin")
@@ -257,7 +257,7 @@ class TestStopRequests:
         assert outcome.hanging == ("the opening of b (scripted)",)
 
     def test_three_stop_requests(self, bench: Bench, started: Start):
-        """The second and third run their actions at once, while the calibrator that parks is told to stop."""
+        """The second and third request run their phase's actions at once, and abort a calibrator that parks."""
         actions = "".join(
             action("custom", phase, level, name=f"{phase}{level}")
             for phase, level in (("interrupt1", 2), ("interrupt2", 1), ("interrupt3", 1), ("shutdown", 1))
@@ -283,7 +283,7 @@ class TestStopRequests:
         assert bench.calls[-2:] == ["cal close", "one close"]
 
     def test_during_the_shutdown(self, bench: Bench, started: Start):
-        """The interrupt's actions are done, then the rest of the shutdown."""
+        """An interrupt during the shutdown runs its own actions first, then the rest of the shutdown."""
         late = action("custom", "shutdown", 2, name="late") + action("custom", "interrupt2", 1, name="second")
         parking = action("park", "shutdown", 1, target="one")
         running = started(
@@ -307,7 +307,7 @@ class TestStopRequests:
         ]
 
     def test_before_it_begins(self, bench: Bench):
-        """Nothing is opened."""
+        """A robot that is interrupted before it runs opens no device."""
         interface = bench.make(robot())
         interface.interrupt()
         assert not interface.run().ready

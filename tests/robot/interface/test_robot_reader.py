@@ -1,4 +1,4 @@
-"""A robot's files as they are read: elements, parameters, includes, and everything that is wrong told at once."""
+"""The reader of robot files: elements, parameters, includes, and all problems of a robot in one error."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ RECORDED = Path(__file__).parents[2] / "data" / "yarp_config" / "fakerobot.xml"
 
 
 def configuration(bench: Bench, inside: str, **given: object) -> Property:
-    """What the only device of a robot is handed, without what all are handed."""
+    """Return the configuration of the only device, without the entries that every device gets."""
     (entry,) = bench.read(f'<device name="d" type="t">{inside}</device>', **given).robot.devices
     handed = entry.configuration.copy()
     assert [handed.find(key) for key in ("id", "device")] == ["d", "t"]
@@ -35,17 +35,17 @@ def configuration(bench: Bench, inside: str, **given: object) -> Property:
 
 
 def problems(bench: Bench, inside: str, attributes: str = 'build="1" portprefix="/bot"') -> list[str]:
-    """What is wrong with a robot, places without the folder."""
+    """Return the problems of a robot, with places relative to the bench's folder."""
     with pytest.raises(RobotFileError) as raised:
         bench.read(inside, attributes)
     return [str(one).replace(f"{bench.folder}/", "") for one in raised.value.problems]
 
 
 class TestRobot:
-    """The file that the real program ran, and the attributes of a robot."""
+    """The file of the real program, and the attributes of a robot."""
 
     def test_a_real_file_in_full(self):
-        """Every device with its configuration, and every action with its target and place."""
+        """The reader returns every device with its configuration, and every action with its target and place."""
         reading = read_robot(RECORDED)
         robot = reading.robot
         assert (robot.name, robot.build, robot.portprefix) == ("icubSim", 2, "icubSim")
@@ -78,21 +78,21 @@ class TestRobot:
         assert "does not begin with '/'" in warning.sentence
 
     def test_prefix_from_the_command_line(self, bench: Bench):
-        """It replaces that of the file, everywhere."""
+        """A prefix of the command line replaces the one of the file in ports, parameters and robotName."""
         inside = device("d", "t", local="${portprefix}/head")
         robot = bench.read(inside, portprefix="/other").robot
         assert robot.port_name == "/other/yarprobotinterface"
         assert robot.devices[0].configuration.find("local") == "/other/head"
         assert robot.devices[0].configuration.find("robotName") == "/other"
 
-    def test_prefix_is_the_name_without_one(self, bench: Bench):
-        """As the original has it."""
+    def test_default_of_the_prefix(self, bench: Bench):
+        """Without a prefix the robot's name is the prefix, as in the original."""
         reading = bench.read("", 'build="1"')
         assert reading.robot.portprefix == "bot"
         assert reading.robot.port_name == "/bot/yarprobotinterface"
 
-    def test_what_is_missing_is_told_and_assumed(self, bench: Bench):
-        """No build is build 0, and no document type is version 3."""
+    def test_defaults_are_reported(self, bench: Bench):
+        """A missing build is 0 and a missing document type is version 3, each with a warning."""
         path = bench.folder / "bare.xml"
         path.write_text('<robot name="r" portprefix="/r"/>')
         reading = read_robot(path)
@@ -112,7 +112,7 @@ class TestRobot:
         ],
     )
     def test_versions_that_are_not_read(self, bench: Bench, version: str, complaint: str):
-        """The line is named, and what to write."""
+        """The error has the line of the document type and the remedy; an option allows version 1."""
         path = bench.folder / "old.xml"
         path.write_text(robot_xml("").replace("3.0//EN", f"{version}//EN"))
         with pytest.raises(RobotFileError, match=complaint) as raised:
@@ -132,17 +132,17 @@ class TestRobot:
         ],
     )
     def test_attributes_that_make_no_sense(self, bench: Bench, attributes: str, complaint: str):
-        """Each is reported with its place."""
+        """Each invalid attribute of ``<robot>`` is reported with its place."""
         (told,) = problems(bench, "", attributes)
         assert told.startswith("robot.xml:3:1: ")
         assert complaint in told
 
 
 class TestParameters:
-    """What a device is handed."""
+    """The configuration that a device gets."""
 
     def test_texts_are_values(self, bench: Bench):
-        """Numbers, words, quoted text, lists, several values, none."""
+        """The text of a parameter is a number, a word, a quoted text, a list, several values, or none."""
         handed = configuration(
             bench,
             """<param name="n"> 7 </param><param name="f">0.5</param><param name="w">word</param>
@@ -153,7 +153,7 @@ class TestParameters:
         assert handed == Property.parse(expected)
 
     def test_lists_of_parameters(self, bench: Bench):
-        """A list of the names, and each element under its own name."""
+        """A paramlist is a list of its elements' names, and each element a parameter."""
         handed = configuration(
             bench,
             '<paramlist name="networks"><elem name="arm">(0 3 0 3)</elem><elem name="hand">dev</elem></paramlist>',
@@ -161,7 +161,7 @@ class TestParameters:
         assert handed == Property.parse("(networks (arm hand)) (arm (0 3 0 3)) (hand dev)")
 
     def test_groups(self, bench: Bench):
-        """Groups in groups, and groups of one name, which are one; the first of two equal keys counts."""
+        """Groups nest, groups of one name are merged, and the first of two equal keys counts."""
         handed = configuration(
             bench,
             """<group name="A"><param name="x">1</param><group name="B"><param name="y">2</param></group></group>
@@ -171,8 +171,8 @@ class TestParameters:
         assert handed == Property.parse("(A (x 1) (B (y 2) (v 4))) (z 3)")
         assert str(handed.location("A")).endswith("robot.xml:4:27")
 
-    def test_those_of_devices_come_first(self, bench: Bench):
-        """Every device in it has them, at any depth, wherever they stand."""
+    def test_shared_parameters_come_first(self, bench: Bench):
+        """Parameters of ``<devices>`` come before those of each device in it, at any depth and in any order."""
         inside = f"""<param name="of_robot">0</param><devices robot="bot" build="1"><devices>{device("d", own="3")}
             <param name="inner">2</param></devices><param name="outer">1</param></devices>{device("other")}"""
         robot = bench.read(inside).robot
@@ -181,7 +181,7 @@ class TestParameters:
         assert robot.parameters == Property({"of_robot": 0})
 
     def test_substitutions(self, bench: Bench):
-        """The prefix, with and without its slash, and the name; what is not known stays, and is reported."""
+        """Variables for the prefix and the robot's name are replaced; an unknown one stays, with a warning."""
         handed = configuration(bench, '<param name="p">"${portprefix} ${portprefixnoslash} ${robotname} ${x}"</param>')
         assert handed.find("p") == "/bot bot bot ${x}"
         reading = bench.read(device("d", p="${x}"))
@@ -194,27 +194,27 @@ class TestParameters:
         [(5, "(p 5)"), ("a", "(p a)"), ("1 2", "(p 1 2)"), (Bottle([1, 2]), "(p (1 2))"), (None, "(p 0)")],
     )
     def test_names_of_the_command_line(self, bench: Bench, given: object, value: str):
-        """What is given replaces the text, lists stay lists; without it the text counts."""
+        """An option replaces the text of a parameter with its extern-name; without it the text counts."""
         inside = '<param name="p" extern-name="e">0</param>'
         assert configuration(bench, inside, **({} if given is None else {"e": given})) == Property.parse(value)
         assert bench.read(device("d", inside=inside)).asked == {"e"}
 
     def test_several_values_of_the_command_line_are_a_list(self, bench: Bench):
-        """As a list is on a command line without quotes."""
+        """Several values of an option are one list, as a list in an option is written without quotes."""
         path = bench.folder / "r.xml"
         path.write_text(robot_xml('<device name="d" type="t"><param name="p" extern-name="e">0</param></device>'))
         given = Property()
         given.put("e", 1, 2)
         assert read_robot(path, given).robot.devices[0].configuration.find_group("p") == Bottle.parse("p (1 2)")
 
-    def test_what_everybody_is_handed_cannot_be_changed(self, bench: Bench):
-        """It is reported, and the automatic value stays."""
+    def test_entries_of_every_device_cannot_be_changed(self, bench: Bench):
+        """A parameter named as an automatic entry gives a warning, and the automatic value stays."""
         reading = bench.read(device("d", "t", device="x"))
         assert reading.robot.devices[0].configuration.find("device") == "t"
         assert "is always 't'" in reading.warnings[0].sentence
 
     def test_what_cannot_be_read(self, bench: Bench):
-        """All of it is reported at once, each with its place and the hint."""
+        """The error has all problems at once, each with its place and its hint."""
         told = problems(
             bench,
             """<device name="d" type="t"><param name="a">1</param>
@@ -254,7 +254,7 @@ class TestParameters:
         }
         assert {one.replace(f"{bench.folder}/", "") for one in told} == expected
 
-    def test_what_says_nothing_is_told(self, bench: Bench):
+    def test_what_has_no_meaning_is_a_warning(self, bench: Bench):
         """Attributes and texts without a meaning are warnings."""
         reading = bench.read('<devices color="red">stray<device name="d" type="t">text</device></devices>')
         assert [one.sentence for one in reading.warnings] == [
@@ -265,10 +265,10 @@ class TestParameters:
 
 
 class TestActions:
-    """What is done with a device, and whether it can be."""
+    """The actions of a device, and the checks of their parameters."""
 
     def test_actions_in_actions(self, bench: Bench):
-        """They may be put together; the run phase has none."""
+        """``<actions>`` may be nested; an action of the phase run gives a warning and is left out."""
         inside = (
             f'<actions robot="bot" build="1">{action("detach")}<actions>{action("abort", "run")}</actions></actions>'
         )
@@ -291,7 +291,7 @@ class TestActions:
         ],
     )
     def test_what_cannot_be_attached(self, bench: Bench, parameters: dict[str, str], complaint: str):
-        """It is told before anything is opened, with device, action and place."""
+        """A wrong target of an attach is a problem of the file, with device, action and place."""
         (told,) = problems(bench, device("d", inside=action("attach", **parameters)) + device("other"))
         assert told.startswith("robot.xml:4:")
         assert "attach of d (startup, level 1): " in told
@@ -302,7 +302,7 @@ class TestActions:
         ("parameters", "complaint"), [({}, "no device to move"), ({"target": "x"}, "no device 'x'")]
     )
     def test_what_cannot_be_moved(self, bench: Bench, kind: str, parameters: dict[str, str], complaint: str):
-        """Likewise."""
+        """A calibrate or park without an existing target is a problem of the file."""
         (told,) = problems(bench, device("d", inside=action(kind, **parameters)))
         assert complaint in told
 
@@ -317,14 +317,14 @@ class TestActions:
         ],
     )
     def test_attributes_that_make_no_sense(self, bench: Bench, text: str, complaint: str):
-        """Each is reported with its place."""
+        """Each invalid attribute of ``<action>`` is reported with its place."""
         (told,) = problems(bench, f'<device name="d" type="t"><action {text}/></device>')
         assert told.startswith("robot.xml:4:27: ")
         assert complaint in told
 
     @pytest.mark.parametrize("timeout", ["0", "-1", "nan", "inf", "x", "1e9", ""])
     def test_times_that_make_no_sense(self, bench: Bench, timeout: str):
-        """A robot must not wait for ever because of a slip."""
+        """A timeout must be a finite number above 0, up to a day, so that a slip cannot stall the robot."""
         (told,) = problems(bench, device("d", inside=action("detach", timeout=timeout)))
         assert "the timeout is a number of seconds up to 86400" in told
 
@@ -333,7 +333,7 @@ class TestIncludes:
     """Robots in several files."""
 
     def write(self, bench: Bench, **files: str) -> Path:
-        """Write files; the main one includes all it names."""
+        """Write files, and return the path of the one named ``main``; ``__`` in a name is a folder's slash."""
         for name, text in files.items():
             path = bench.folder / name.replace("__", "/")
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -341,7 +341,7 @@ class TestIncludes:
         return bench.folder / "main.xml"
 
     def test_forms_of_files(self, bench: Bench):
-        """Devices, a device, parameters, a group, actions, an action, each a file; paths are relative to the file."""
+        """An included file has devices, a device, parameters, a group, actions or an action, and includes others."""
         main = self.write(
             bench,
             main=robot_xml('<devices><xi:include href="hw/devices.xml"/></devices><xi:include href="hw/one.xml"/>'),
@@ -363,7 +363,7 @@ class TestIncludes:
         assert str(attach.location) == f"{bench.folder}/hw/deep/action.xml:1:1"
 
     def test_files_of_version_1(self, bench: Bench):
-        """There any element may stand for that of another file, if somebody says that such files are read."""
+        """In version 1 the attribute ``file`` of any element includes a file, if such files are allowed."""
         old = DOCTYPE.replace("3.0//EN", "1.0//EN")
         main = self.write(
             bench,
@@ -389,7 +389,7 @@ class TestIncludes:
         ],
     )
     def test_tags(self, bench: Bench, tags: dict[str, object], names: str):
-        """What is enabled by one of some tags, and disabled by one of others."""
+        """An include is read if one of its tags is enabled and none of its tags is disabled."""
         main = self.write(
             bench,
             main=robot_xml(
@@ -404,7 +404,7 @@ class TestIncludes:
 
     @pytest.mark.parametrize("href", ["../secret.xml", "/etc/passwd", "link.xml", "folder/secret.xml"])
     def test_nothing_outside_is_read(self, bench: Bench, href: str):
-        """A path that leaves the folder, also by a link, is refused; what is there is not even looked at."""
+        """An include that leads out of the folder, also through a link, is refused."""
         bench.folder = bench.folder / "config"
         bench.folder.mkdir()
         secret = bench.folder.parent / "secret.xml"
@@ -416,13 +416,13 @@ class TestIncludes:
         assert told.endswith("copy the file into it; only files in it are read")
 
     def test_a_link_inside_is_read(self, bench: Bench):
-        """What leads to a file of the folder may be a link."""
+        """A link to a file of the same folder is read."""
         main = self.write(bench, main=robot_xml('<xi:include href="link.xml"/>'), real=device("d"))
         (bench.folder / "link.xml").symlink_to("real.xml")
         assert read_robot(main).robot.device("d") is not None
 
     def test_circles_are_named(self, bench: Bench):
-        """With the files in order."""
+        """Files that include each other are an error that names them in order."""
         main = self.write(
             bench,
             main=robot_xml('<xi:include href="a.xml"/>'),
@@ -433,14 +433,14 @@ class TestIncludes:
             read_robot(main)
 
     def test_chains_are_bounded(self, bench: Bench):
-        """A chain without a circle ends as well."""
+        """A chain of includes without a circle is refused beyond a depth of 16."""
         links = {f"f{n}": f'<devices><xi:include href="f{n + 1}.xml"/></devices>' for n in range(30)}
         main = self.write(bench, main=robot_xml('<xi:include href="f0.xml"/>'), **links)
         with pytest.raises(RobotFileError, match="nested deeper than 16"):
             read_robot(main)
 
     def test_numbers_of_files_are_bounded(self, bench: Bench, monkeypatch: pytest.MonkeyPatch):
-        """Files that include others twice each are no way to fill the memory."""
+        """The number of included files is limited, so that files that double cannot fill the memory."""
         monkeypatch.setattr(includes, "MAX_FILES", 50)
         twice = '<xi:include href="f{}.xml"/>' * 2
         links = {f"f{n}": f"<devices>{twice.format(n + 1, n + 1)}</devices>" for n in range(12)}
@@ -448,8 +448,8 @@ class TestIncludes:
         with pytest.raises(RobotFileError, match="more than 50 files"):
             read_robot(main)
 
-    def test_all_files_that_are_wrong_are_told(self, bench: Bench):
-        """One that is missing, one that is no XML, one that is a folder, one without a name, one with a mistake."""
+    def test_all_wrong_files_are_reported(self, bench: Bench):
+        """One error reports a missing file, broken XML, a folder, an include without a path, and mistakes inside."""
         (bench.folder / "dir.xml").mkdir()
         (bench.folder / "bad.xml").write_text("<devices>\n<device")
         (bench.folder / "slip.xml").write_text('<device name="d"/>')
@@ -469,10 +469,10 @@ class TestIncludes:
 
 
 class TestHostile:
-    """Files that want more than to be read."""
+    """Files that are made to harm the reader."""
 
     def refused(self, bench: Bench, text: str | bytes) -> str:
-        """What is said of such a file."""
+        """Return the message with which the reader refuses a text, without the path."""
         path = bench.folder / "hostile.xml"
         path.write_bytes(text if isinstance(text, bytes) else text.encode())
         with pytest.raises(ConfigurationError) as raised:
@@ -481,7 +481,7 @@ class TestHostile:
         return str(raised.value).replace(f"{path}:", "")
 
     def test_entities_are_refused(self, bench: Bench):
-        """None is expanded, nothing is fetched; the declaration is named."""
+        """A declared entity is refused by name, inner, external or parameter; an undefined one, too."""
         laughs = "".join(f'<!ENTITY l{n + 1} "{f"&l{n};" * 10}">' for n in range(9))
         bomb = f'<!DOCTYPE robot [<!ENTITY l0 "ha">{laughs}]><robot name="&l9;"/>'
         assert self.refused(bench, bomb).startswith("1:30: the file declares the entity 'l0'")
@@ -495,7 +495,7 @@ class TestHostile:
         assert "undefined entity" in self.refused(bench, '<robot name="&nobody;"/>')
 
     def test_sizes_are_bounded(self, bench: Bench, monkeypatch: pytest.MonkeyPatch):
-        """Files, attributes, texts, depths, numbers of elements."""
+        """Files, attributes, texts, depths and numbers of elements have a limit."""
         assert "an attribute of <robot> is longer" in self.refused(bench, f'<robot name="{"x" * 100_000}"/>')
         assert "a text is longer" in self.refused(bench, robot_xml(f'<param name="a">{"x" * 100_000}</param>'))
         assert "nested deeper than 64" in self.refused(bench, robot_xml("<devices>" * 100 + "</devices>" * 100))
@@ -505,7 +505,7 @@ class TestHostile:
         assert "larger than" in self.refused(bench, robot_xml(" " * 5000))
 
     def test_numbers_are_bounded(self, bench: Bench):
-        """Devices, actions, and parameters that every device has."""
+        """Devices, actions and parameters of a robot have a greatest number."""
         assert "more than 1000 devices" in self.refused(bench, robot_xml("".join(device(f"d{n}") for n in range(1100))))
         assert "more than 10000 actions" in self.refused(
             bench, robot_xml(device("d", inside=action("detach") * 10_100))
@@ -516,7 +516,7 @@ class TestHostile:
         )
 
     def test_many_mistakes_are_bounded(self, bench: Bench):
-        """Nobody reads a thousand."""
+        """An error lists at most MAX_PROBLEMS problems."""
         path = bench.folder / "r.xml"
         path.write_text(robot_xml("<device/>" * 5000))
         with pytest.raises(RobotFileError) as raised:
@@ -528,22 +528,22 @@ class TestHostile:
         [b"", b"\0", b"\xff\xfe<\0", b"<robot", b"text", b"<?xml version='1.0' encoding='klingon'?><robot/>", b"\xff"],
     )
     def test_what_is_no_xml(self, bench: Bench, data: bytes):
-        """It is reported, with its place."""
+        """Bytes that are not XML are refused with an error of the configuration."""
         assert self.refused(bench, data)
 
     def test_dashes_in_comments_are_forgiven(self, bench: Bench):
-        """Old files have them; places stay true."""
+        """Double dashes in comments, as in old files, are accepted, and places stay right."""
         (told,) = problems(bench, "<!-- one -- two --- -->\n<!----><what/>")
         assert told.startswith("robot.xml:5:8: <what>")
 
-    def test_names_that_are_none(self, bench: Bench):
-        """Nothing that a terminal obeys gets into a name."""
+    def test_control_characters_in_names(self, bench: Bench):
+        """A name with control characters is refused, and the message is printable."""
         (told,) = problems(bench, '<device name="a&#x9b;31m" type="t"/>')
         assert "is not a valid name" in told
         assert told.isprintable()
 
     def test_a_pipe_is_no_file(self, bench: Bench):
-        """Reading does not wait for what never comes."""
+        """An include of a pipe is refused, instead of waiting for data."""
         import os
 
         os.mkfifo(bench.folder / "pipe.xml")
@@ -551,12 +551,12 @@ class TestHostile:
         assert "cannot be read" in told
 
     def test_a_file_that_is_missing(self, bench: Bench):
-        """The main file, too."""
+        """A missing main file is an error that names it."""
         with pytest.raises(RobotFileError, match=r"nothing\.xml cannot be read"):
             read_robot(bench.folder / "nothing.xml")
 
     def test_document_types_are_not_followed(self, bench: Bench):
-        """The address in the line of real files is never opened; a subset without entities is harmless."""
+        """The address in a document type is not opened, and a subset without entities is accepted."""
         path = bench.folder / "r.xml"
         path.write_text(
             DOCTYPE.replace('.dtd">', '.dtd" [<!ELEMENT robot ANY>]>') + '<robot name="r" build="1" portprefix="/r"/>'

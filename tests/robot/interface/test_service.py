@@ -1,4 +1,4 @@
-"""The port of a robot interface: what it answers in each phase, and as it was recorded."""
+"""The port of a robot interface: its answers in each phase, and those that were recorded."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ CONVERSATIONS = [
 
 
 def test_something_was_recorded():
-    """Every function of both releases, that is, apart from those that end it."""
+    """There are recorded conversations of every function in both releases, but for those that end the program."""
     assert len(CONVERSATIONS) >= 11
 
 
@@ -44,7 +44,7 @@ def test_something_was_recorded():
 def test_answers_are_those_recorded(
     network: Network, started: Callable[[RobotInterface], Running], version: str, number: int
 ):
-    """Asked the same bytes, the same bytes come back, but for the number of the port."""
+    """The service answers the recorded requests with the recorded bytes, but for its port number."""
     network.dialect = VERSIONS[version]
     running = started(RobotInterface(Robot("icubSim", "icubSim"), network=network))
     eventually(lambda: running.interface.ready, "it does not become ready")
@@ -65,7 +65,7 @@ def test_answers_are_those_recorded(
 
 @pytest.mark.parametrize("word", ["quit", "bye", "exit"])
 def test_it_can_be_asked_to_end(bench: Bench, started: Callable[[RobotInterface], Running], word: str):
-    """The answer is bye, it is not ready any more, and all is closed."""
+    """Each word for the end is answered with bye; then is_ready fails, and the devices are closed."""
     running = started(bench.make(device("d")))
     eventually(lambda: running.interface.ready, "it does not become ready")
     with (
@@ -80,7 +80,7 @@ def test_it_can_be_asked_to_end(bench: Bench, started: Callable[[RobotInterface]
 
 
 def test_phase_and_level_while_it_starts(bench: Bench, started: Callable[[RobotInterface], Running]):
-    """They are told while something is done, and it is not ready before all is."""
+    """During the startup the service answers with phase and level, and is_ready is false."""
     calibrator = device("cal", "scriptedCalibrator", action("calibrate", level=7, target="d"), calibrate="wait")
     interface = bench.make(device("d") + calibrator)
     service = make_service(interface)
@@ -94,14 +94,14 @@ def test_phase_and_level_while_it_starts(bench: Bench, started: Callable[[RobotI
 
 
 @pytest.mark.parametrize("question", ["", "dance", "get_phase 1", "help dance", "1 2", "(is_ready)", "[is_ready]"])
-def test_what_is_no_question(question: str):
-    """It is answered that it failed, and nothing happens."""
+def test_unknown_requests_fail(question: str):
+    """An unknown or malformed request is answered with [fail]."""
     service = make_service(RobotInterface(Robot("r", "/r")))
     assert service.answer(Bottle.parse(question)) == Bottle.parse("[fail]")
 
 
 def test_help_of_each_function():
-    """What is listed is explained."""
+    """``help`` lists every function, and has a text for each one but itself."""
     service = make_service(RobotInterface(Robot("r", "/r")))
     _, listed = service.answer(Bottle(["help"])).fields
     assert listed.fields[1:] == ("get_phase", "get_level", "get_robot", "is_ready", "quit", "bye", "exit", "help")
@@ -112,7 +112,7 @@ def test_help_of_each_function():
 
 
 def test_it_is_not_ready_once_the_end_was_asked_for():
-    """Also before the phase has changed."""
+    """After a request to end, is_ready is false, even before the phase changes."""
     interface = RobotInterface(Robot("r", "/r"))
     interface.phase = Phase.RUN
     assert interface.ready

@@ -1,4 +1,4 @@
-"""The simulated robot that is shipped as a configuration: it starts, calibrates, can be asked, parks, and is gone."""
+"""The shipped configuration of the simulated robot: it starts, calibrates, answers, parks, and leaves no port."""
 
 from __future__ import annotations
 
@@ -61,18 +61,18 @@ class Program:
 
     @property
     def said(self) -> str:
-        """What it said so far."""
+        """The program's messages up to now."""
         return self._err.read_text(encoding="utf-8")
 
     def until(self, text: str) -> None:
-        """Wait until it has said something."""
+        """Wait until a text is among the program's messages."""
         eventually(lambda: text in self.said or self.process.poll() is not None, f"{text!r} does not come", _LIMIT)
         assert text in self.said, self.said
 
 
 @pytest.fixture
 def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Program]:
-    """It runs, with a name server of its own."""
+    """The running program, with a name server of its own."""
     monkeypatch.setenv("YARP_CONFIG_HOME", str(tmp_path / "user"))
     monkeypatch.setenv("YARP_DATA_HOME", str(tmp_path / "user"))
     for name in ("YARP_NAMESPACE", "YARP_PORT_PREFIX", "YARP_ROBOT_NAME", "RTF_CLOCK", "YARP_CLOCK"):
@@ -125,7 +125,7 @@ def _reads(sensors: AnalogSensorsClient) -> bool:
 
 
 def test_its_files_are_sound():
-    """Nothing in them is strange to the reader, and each calibrator's file can be opened."""
+    """The reader reads the shipped files without warnings, and each calibrator can be made from its file."""
     reading = read_robot(SHIPPED)
     assert reading.warnings == ()
     for entry in reading.robot.devices:
@@ -134,7 +134,7 @@ def test_its_files_are_sound():
 
 
 def test_the_time_of_the_simulation_is_that_of_the_process(network: Network):
-    """From its opening to its closing: a sleep lasts so long by the simulation, and a wrong parameter opens nothing."""
+    """While the robot is open, this process uses simulated time; a second robot or a wrong parameter opens nothing."""
     before = clock.current()
     robot = make_device("simulatedICub", Property({"factor": 20.0}), network=network)
     with closing(robot):
@@ -156,7 +156,7 @@ def test_the_time_of_the_simulation_is_that_of_the_process(network: Network):
 
 
 def test_a_board_that_is_not_attached(network: Network):
-    """It says so; attached it is the part, and detached again it says so again."""
+    """A board that is not attached raises an error; an attached one moves the part."""
     with pytest.raises(ConfigurationError, match="the part of the simulated robot"):
         make_device("simulatedBoard", Property())
     board = make_device("simulatedBoard", Property({"part": "torso"}), name="torso")
@@ -180,7 +180,7 @@ def test_a_board_that_is_not_attached(network: Network):
 
 
 def test_it_has_the_control_port_and_the_faults_of_a_simulated_robot(network: Network):
-    """Faults of joints and of sensors reach the attached devices; the program is not ended by that port."""
+    """Faults of joints and sensors act on attached devices; the control port cannot end the program."""
     robot = make_device("simulatedICub", Property({"factor": 20.0}), network=network)
     with closing(robot), SimulatorControl("icubSim", network=network) as control:
         sensor = make_device("simulatedForceTorque", Property({"sensor": "l_arm_ft_sensor"}))
@@ -204,7 +204,7 @@ def test_it_has_the_control_port_and_the_faults_of_a_simulated_robot(network: Ne
 
 
 def test_its_cameras(network: Network):
-    """With the parameter, each is a device, and otherwise it says why not."""
+    """With the parameter ``cameras`` each camera is a device; without it the error of attaching names the parameter."""
     camera = make_device("simulatedCamera", Property({"sensor": "left"}), name="left_eye")
     blind = make_device("simulatedICub", Property({"factor": 20.0}), network=network)
     with closing(blind), pytest.raises(DeviceError, match="no camera 'left'; it has none; see the parameter cameras"):
@@ -224,7 +224,7 @@ def test_its_cameras(network: Network):
 
 
 def test_abort_on_the_simulated_robot(network: Network):
-    """A calibration that is aborted while the joints move: they stand still, and the controllers are as before."""
+    """An aborted calibration stops the moving joints and restores the controllers."""
     entry = read_robot(SHIPPED).robot.device("left_arm_calibrator")
     assert entry is not None
     arm = make_device("simulatedBoard", Property({"part": "left_arm"}), name="left_arm")
