@@ -1,4 +1,4 @@
-"""The calibrator: it finds the zeros in the order it was given, moves within limits of time, and can be stopped."""
+"""The calibrator: it finds the zeros in the configured order, moves within time limits, and can be aborted."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ GAINS = Pid(kp=1.0, max_output=100.0, max_integral=50.0)
 
 
 class Board(FakeBoard):
-    """A board whose joints are to be calibrated, which notes what it is told. ``looked`` is called at each look."""
+    """A board that is to be calibrated, and records calls. ``looked`` is called by each ``calibration_done``."""
 
     def __init__(self) -> None:
         super().__init__("head")
@@ -59,7 +59,7 @@ class Board(FakeBoard):
             self.board.calibrated[joint] = False
 
     def calibrate_axis(self, joint: int, parameters: CalibrationParameters) -> None:
-        """See IControlCalibration: it takes some looks."""
+        """See IControlCalibration; the calibration ends after some calls of ``calibration_done``."""
         self.calls.append(("calibrate", joint, parameters))
         self.set_calibration_parameters(joint, parameters)
 
@@ -85,7 +85,7 @@ class Board(FakeBoard):
         super().stop(joints)
 
     def gains(self) -> list[Pid]:
-        """Of its position controllers."""
+        """Return the gains of the position controllers."""
         return [self.pid(PidType.POSITION, joint) for joint in range(3)]
 
 
@@ -97,7 +97,7 @@ def calibrator(text: str = CONFIGURATION, network: Network | None = None) -> Boa
 
 
 def in_another_thread(job: Callable[[], object]) -> Callable[[], None]:
-    """The same, done there."""
+    """Return a function that runs the job in another thread, and waits for its end."""
 
     def done() -> None:
         thread = threading.Thread(target=job)
@@ -122,7 +122,7 @@ def test_groups_follow_each_other(stepped: ManualClock):
 
 
 def test_controllers_are_weak_meanwhile(stepped: ManualClock):
-    """None gives more than is allowed at startup, 0 allows all; afterwards each has its gains again."""
+    """During the calibration outputs are limited by startupMaxPwm, 0 is no limit; the gains are restored."""
     board = Board()
     calibrator().calibrate(board)
     assert board.weakest == [40, 100, 100]
@@ -130,7 +130,7 @@ def test_controllers_are_weak_meanwhile(stepped: ManualClock):
 
 
 def test_home_and_park(stepped: ManualClock):
-    """All joints go there at the speeds that are told for it."""
+    """Homing and parking move all joints to their positions at the configured speeds."""
     board, moves = Board(), calibrator()
     moves.home(board)
     assert board.encoders().tolist() == pytest.approx([5, 5, 5])
@@ -142,7 +142,7 @@ def test_home_and_park(stepped: ManualClock):
 
 
 def test_parked_joints_may_be_switched_off(stepped: ManualClock):
-    """That is a parameter; a joint that did not get there keeps its power, for it might fall."""
+    """With powerOff parked joints are idle; one that did not arrive keeps its power, because it might fall."""
     board, text = Board(), CONFIGURATION.replace("(PARK", "(PARK (powerOff yes)")
     board.set_limits(1, 0, 40)
     with pytest.raises(DeviceError, match=r"joint 1 \(roll\) is at 40\.0 deg, not at 60\.0, in mode pos$"):
@@ -151,14 +151,14 @@ def test_parked_joints_may_be_switched_off(stepped: ManualClock):
 
 
 def test_without_a_parking_pose_home_is_it(stepped: ManualClock):
-    """As on robots, whose files have no other."""
+    """Without a parking position the joints park at home, as the robots' files need it."""
     board = Board()
     calibrator(CONFIGURATION.replace("(PARK", "(NONE")).park(board)
     assert board.encoders().tolist() == pytest.approx([5, 5, 5])
 
 
 def test_parking_takes_a_bounded_time(stepped: ManualClock):
-    """Joints that do not arrive in it are named, and stand still; those without power are not moved at all."""
+    """After parkTimeout the error names the joints that did not arrive; they stop, and powerless ones are not moved."""
     board, text = Board(), CONFIGURATION.replace("(PARK", "(PARK (parkTimeout 1 1 1)")
     board.set_control_modes(ControlMode.IDLE, 2)
     began = stepped.time
@@ -170,7 +170,7 @@ def test_parking_takes_a_bounded_time(stepped: ManualClock):
 
 
 def test_a_joint_that_breaks_is_not_waited_for(stepped: ManualClock):
-    """The parking ends when all others have arrived."""
+    """Parking with a joint in fault ends when the other joints have arrived."""
     board = Board()
     board.set_max_current(0, 0.0)
     began = stepped.time
@@ -181,14 +181,14 @@ def test_a_joint_that_breaks_is_not_waited_for(stepped: ManualClock):
 
 
 def test_joints_may_be_left_out(stepped: ManualClock):
-    """Those that are never homed stay where they are, and cost no time."""
+    """Joints with disableHomeAndPark are not moved home."""
     board = Board()
     calibrator(CONFIGURATION.replace("(HOME", "(HOME (disableHomeAndPark 0 1 1)")).home(board)
     assert board.encoders().tolist() == pytest.approx([5, 0, 0])
 
 
 def test_a_joint_that_cannot_be_calibrated(stepped: ManualClock):
-    """Ends the calibration after its time: it is named and without power, all stand still, gains are as before."""
+    """A joint that exceeds its timeout is named and idle, the others stop, and the gains are restored."""
     board = Board()
     board.needed[1] = 10**9
     began = stepped.time
@@ -201,7 +201,7 @@ def test_a_joint_that_cannot_be_calibrated(stepped: ManualClock):
 
 
 def test_faults_are_left_if_that_is_asked_for(stepped: ManualClock):
-    """Otherwise a joint in fault stays in it."""
+    """The calibration clears faults only with clearHwFaultBeforeCalibration."""
     board = Board()
     board.set_max_current(1, 0.0)
     with pytest.raises(DeviceError, match="hwfa"):
@@ -213,7 +213,7 @@ def test_faults_are_left_if_that_is_asked_for(stepped: ManualClock):
 
 
 def test_calibration_can_be_skipped(stepped: ManualClock, network: Network, said: list[str]):
-    """Then the board is trusted, which is told, and goes to its startup position."""
+    """With skipCalibration the zeros stay, which is reported, and the joints go to their startup positions."""
     board = Board()
     calibrator(CONFIGURATION.replace("(joints 3)", "(joints 3) (skipCalibration true)"), network).calibrate(board)
     assert [call[0] for call in board.calls] == ["move", "move"]
@@ -222,7 +222,7 @@ def test_calibration_can_be_skipped(stepped: ManualClock, network: Network, said
 
 @pytest.mark.parametrize("look", [1, 2, 3, 5])
 def test_abort_of_a_calibration(stepped: ManualClock, look: int):
-    """From another thread, at any look: DeviceError at once, the joints stand still, gains are as before."""
+    """An abort from another thread ends the calibration at once, stops the joints, and restores the gains."""
     board, made = Board(), calibrator()
     looks = iter(range(1, 10**6))
     abort = in_another_thread(made.abort)
@@ -239,7 +239,7 @@ def test_abort_of_a_calibration(stepped: ManualClock, look: int):
 
 
 def test_abort_of_a_parking_by_the_machines_clock():
-    """It ends long before the way would: the joints stand still on it."""
+    """An abort ends a slow parking in real time, and stops the joints."""
     board, made = Board(), calibrator(CONFIGURATION.replace("(30 30 30)", "(1 1 1)"))
     moving, errors = threading.Event(), []
     begin = board.position_move
@@ -266,14 +266,14 @@ def test_abort_of_a_parking_by_the_machines_clock():
 
 
 def test_abort_without_anything_going_on(stepped: ManualClock):
-    """Changes nothing for what comes later."""
+    """An abort of nothing does not affect the next calibration."""
     board, made = Board(), calibrator()
     made.abort()
     made.calibrate(board)
 
 
 def test_one_thing_at_a_time(stepped: ManualClock):
-    """A second calibration is refused while one goes on, and that one is not disturbed."""
+    """During a calibration another action is refused, and the calibration goes on."""
     board, made = Board(), calibrator()
     refused: list[RobotError] = []
 
@@ -290,7 +290,7 @@ def test_one_thing_at_a_time(stepped: ManualClock):
 
 
 def test_parking_ends_a_calibration(stepped: ManualClock):
-    """Who wants the robot to rest does not wait for it."""
+    """Parking aborts a running calibration, and parks the joints that are calibrated."""
     board, made = Board(), calibrator()
     began, errors = threading.Event(), []
     board.needed[0] = 10**9
@@ -316,7 +316,7 @@ def test_parking_ends_a_calibration(stepped: ManualClock):
 
 
 def test_another_board(stepped: ManualClock):
-    """A calibrator for more joints than there are, or for what is no board, moves nothing."""
+    """A calibrator refuses a board with fewer joints, a device that is no board, and any board before it is opened."""
     other = FakeBoard("two")
     other.open(Property.parse("(GENERAL (Joints 2))"))
     with pytest.raises(DeviceError, match="head_calibrator is for 3 joints; two has 2"):
@@ -328,10 +328,10 @@ def test_another_board(stepped: ManualClock):
 
 
 class TestRemoteCalibrator:
-    """A board that was given a calibrator is asked for it, also through the network."""
+    """Clients use the calibrator of a board, also through the network."""
 
     def test_without_one(self):
-        """It says so; everything else is not supported."""
+        """A board without a calibrator says that it has none, and calls raise NotSupportedError."""
         board = Board()
         assert isinstance(board, TakesCalibrator)
         assert not board.has_calibrator()
@@ -342,7 +342,7 @@ class TestRemoteCalibrator:
             board.calibrate_joint(0)
 
     def test_parts_only(self):
-        """A calibrator that knows no single joints is not asked for them."""
+        """A calibrator without IRemoteCalibrator's single joints calibrates parts, and refuses joints."""
 
         class Parts(Calibrator):
             def open(self, configuration: Property) -> None: ...
@@ -359,7 +359,7 @@ class TestRemoteCalibrator:
             board.park_joint(0)
 
     def test_through_the_network(self, stepped: ManualClock, network: Network):
-        """The words of the vocabulary reach it, for the part and for single joints, and so do its refusals."""
+        """Requests for the part and for single joints reach the calibrator; its errors reach the client."""
         board = Board()
         board.set_calibrator(calibrator(network=network))
         with (
@@ -388,7 +388,7 @@ class TestRemoteCalibrator:
 
 
 class TestConfiguration:
-    """What is wrong in it is reported, with the list."""
+    """The configuration of a calibrator, and its errors, which name the list."""
 
     @pytest.mark.parametrize(
         ("old", "new", "said"),
@@ -404,26 +404,26 @@ class TestConfiguration:
         ],
     )
     def test_what_is_wrong(self, old: str, new: str, said: str):
-        """It does not open."""
+        """A calibrator with an invalid configuration is not opened."""
         with pytest.raises(ConfigurationError) as caught:
             calibrator(CONFIGURATION.replace(old, new))
         assert said in str(caught.value)
 
     @pytest.mark.parametrize("order", ["(0 1) (2)", "((0 1) (2))"])
     def test_the_order(self, order: str):
-        """Lists of joints, perhaps in a list of their own; without it all are calibrated at the same time."""
+        """CALIB_ORDER has lists of joints, or one list of them; without it all joints are calibrated together."""
         read = CalibratorSettings.read
         assert read(Property.parse(CONFIGURATION.replace("(0 1) (2)", order))).order == ((0, 1), (2,))
         assert read(Property.parse(CONFIGURATION.replace("CALIB_ORDER", "NONE"))).order == ((0, 1, 2),)
 
     def test_older_names(self):
-        """The startup position was once called the zero."""
+        """The names PositionZero and velocityZero are accepted for startupPosition and startupVelocity."""
         text = CONFIGURATION.replace("startupPosition", "PositionZero").replace("startupVelocity", "velocityZero")
         assert CalibratorSettings.read(Property.parse(text)).startup.positions.tolist() == [10, 20, 30]
 
     @given(text=st.text(alphabet="() 0123-.eaCALIBRTONHMEjoints\"'[]{}", max_size=60))
     def test_whatever_is_written(self, text: str):
-        """It is read, or refused with a sentence."""
+        """Any text instead of the lists raises ConfigurationError."""
         configuration = Property.parse(CONFIGURATION)
         configuration.put("CALIB_ORDER", text)
         configuration.put("CALIBRATION", text)

@@ -1,4 +1,4 @@
-"""The extended state: its bytes in both dialects, and what comes that is none."""
+"""The extended state: its bytes in both dialects, and the refusal of other bytes."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ OK, FAIL = bytes.fromhex("090000006f6b0000"), bytes.fromhex("090000006661696c")
 
 @st.composite
 def states(draw: st.DrawFn) -> ExtendedState:
-    """Any state, of up to twenty axes; also numbers that are none."""
+    """Generate states of up to twenty axes, with any numbers, NaN and infinity, too."""
     state = ExtendedState(draw(st.integers(0, 20)))
     state.floats[:] = draw(arrays.arrays(np.float64, state.floats.shape))
     state.modes[:] = draw(arrays.arrays(np.int32, state.modes.shape))
@@ -41,7 +41,7 @@ def states(draw: st.DrawFn) -> ExtendedState:
 
 
 def one_by_one(state: ExtendedState, dialect: Dialect) -> bytes:
-    """The same message, put together number by number."""
+    """Return the message, encoded number by number."""
     four = dialect is Dialect.YARP4
     double, single = (256 + 20, 256 + 10) if four else (256 + 10, 256 + 128)
     message = struct.pack("<ii", 256, 24 if four else 22)
@@ -62,7 +62,7 @@ def one_by_one(state: ExtendedState, dialect: Dialect) -> bytes:
 
 
 def test_first_bytes_for_two_joints():
-    """Heads, numbers and words stand where YARP 3 has them: 344 bytes."""
+    """The heads, numbers and words of a message have the places that YARP 3 gives them."""
     state = ExtendedState(2)
     state.joint_positions[:] = 1.0, 2.0
     state.valid[Field.JOINT_POSITIONS] = True
@@ -75,7 +75,7 @@ def test_first_bytes_for_two_joints():
 
 @given(state=states())
 def test_bytes_are_those_of_each_number(state: ExtendedState):
-    """The template and its views make the bytes that writing number by number makes, in either dialect."""
+    """The encoder's template gives the bytes of encoding number by number, in either dialect."""
     with np.errstate(all="ignore"):
         for dialect in Dialect:
             assert state.write(dialect) == one_by_one(state, dialect)
@@ -83,7 +83,7 @@ def test_bytes_are_those_of_each_number(state: ExtendedState):
 
 @given(state=states())
 def test_what_is_written_is_read(state: ExtendedState):
-    """Round trip, whichever dialect the reader expects; in single precision where the message has it."""
+    """A state is the same after encoding and decoding, whichever dialect the reader expects."""
     for dialect, expected in product(Dialect, Dialect):
         data = state.write(dialect)
         read, end = EXTENDED_STATE.decode_from(data + b"more", expected)
@@ -97,13 +97,13 @@ def test_what_is_written_is_read(state: ExtendedState):
 
 @given(state=states())
 def test_a_bottle_reads_it_too(state: ExtendedState):
-    """The message is a list of 22, as any reader of bottles sees it."""
+    """The message is a bottle, of 22 elements in YARP 3 and 24 in YARP 4."""
     assert len(decode(state.write(Dialect.YARP3))) == 22
     assert len(decode(state.write(Dialect.YARP4), Dialect.YARP4)) == 24
 
 
 def test_one_state_takes_many_messages():
-    """Each message replaces all of the one before; what came before in the other dialect does no harm."""
+    """Each decoded message replaces all values of the state, also after one of the other dialect."""
     taken, sent = ExtendedState(3), ExtendedState(3)
     for number in range(4):
         sent.floats.fill(number)
@@ -115,7 +115,7 @@ def test_one_state_takes_many_messages():
 
 
 def test_state_of_another_board_is_refused():
-    """A state for three axes takes none of two, and stays as it is."""
+    """A state refuses a message of another number of axes, and stays unchanged."""
     taken = ExtendedState(3)
     with pytest.raises(BottleError, match="2 axes arrived, but 3"):
         taken.take(ExtendedState(2).write(Dialect.YARP3))
@@ -124,8 +124,8 @@ def test_state_of_another_board_is_refused():
 
 @DIALECTS
 @given(data=st.data())
-def test_a_part_is_known_to_be_one(dialect: Dialect, data: st.DataObject):
-    """However it is cut, more bytes are asked for, and no more than the message has."""
+def test_a_truncated_message(dialect: Dialect, data: st.DataObject):
+    """A truncated message raises an error with the number of needed bytes, at most those of the message."""
     whole = ExtendedState(data.draw(st.integers(0, 5))).write(dialect)
     size = data.draw(st.integers(0, len(whole) - 1))
     with pytest.raises(TruncatedBottleError) as caught:
@@ -137,7 +137,7 @@ def test_a_part_is_known_to_be_one(dialect: Dialect, data: st.DataObject):
 @settings(max_examples=120)
 @given(state=states(), data=st.data())
 def test_damaged_bytes_are_an_error_or_a_state(dialect: Dialect, state: ExtendedState, data: st.DataObject):
-    """Whatever was changed, the result is a BottleError, or a state in which exactly these bytes show."""
+    """A damaged message raises BottleError, or gives the state that its bytes encode."""
     damaged = bytearray(state.write(dialect))
     for place in data.draw(st.lists(st.integers(0, len(damaged) - 1), min_size=1, max_size=4)):
         damaged[place] = data.draw(st.integers(0, 255))
@@ -152,21 +152,21 @@ def test_damaged_bytes_are_an_error_or_a_state(dialect: Dialect, state: Extended
 
 @given(data=st.binary(max_size=200))
 def test_any_bytes_are_an_error(data: bytes):
-    """What is no state raises a BottleError and nothing else."""
+    """Bytes that are no state raise BottleError."""
     with pytest.raises(BottleError):
         EXTENDED_STATE.decode_from(data, Dialect.YARP3)
 
 
 @pytest.mark.parametrize("axes", [-1, 10**6, 2**31 - 1])
 def test_a_number_of_axes_is_not_believed(axes: int):
-    """What is announced is not allocated."""
+    """A message that announces too many axes is refused before memory is allocated."""
     data = struct.pack("<iiii", 256, 22, 266, axes) + bytes(64)
     with pytest.raises(BottleError, match=f"{axes} numbers"):
         EXTENDED_STATE.decode_from(data, Dialect.YARP3)
 
 
 def test_text_form():
-    """People read it, and can type it."""
+    """A state can be written as text, and read from it."""
     state = ExtendedState(1)
     state.joint_positions[:] = 1.5
     state.valid[:] = True
@@ -176,7 +176,7 @@ def test_text_form():
 
 
 def test_copies_are_apart():
-    """What happens to a copy does not happen to the state."""
+    """A change of a state does not change its copy."""
     state = ExtendedState(2)
     state.valid.fill(True)
     copied = state.copy()
@@ -188,7 +188,7 @@ def test_copies_are_apart():
 
 
 def test_recorded_states_are_read_and_written():
-    """What a real board of six joints published is read, and written again to the byte."""
+    """The recorded states of a real board are decoded, and encoded to the same bytes."""
     for _, data in recordings("3.12.3", "board_clients.json")["state"]:
         message = bytes.fromhex(data)
         state, end = EXTENDED_STATE.decode_from(message, Dialect.YARP3)
@@ -200,7 +200,7 @@ def test_recorded_states_are_read_and_written():
 
 
 class Encoders(IEncoders):
-    """Two joints that are somewhere, measured at some time; speeds are refused, accelerations are of three joints."""
+    """Encoders of two joints with these times; speeds are refused, and accelerations have a wrong size."""
 
     def __init__(self, *times: float) -> None:
         self.times = np.array(times)
@@ -229,7 +229,7 @@ class Encoders(IEncoders):
 
 
 def test_what_a_device_has_not_got_is_not_valid():
-    """Missing interfaces, refusals and arrays of another size are zeros that are not valid."""
+    """Fields of missing interfaces, refused ones and those of a wrong size are 0 and not valid."""
     state = ExtendedState(2)
     state.floats.fill(9.0)
     assert InterfaceState(Encoders(10.0, 10.5)).fill_state(state) == 10.25
@@ -239,12 +239,12 @@ def test_what_a_device_has_not_got_is_not_valid():
 
 
 def test_a_device_without_encoders_has_no_time():
-    """Its state is not of any moment."""
+    """The time of a state without encoders is NaN."""
     assert np.isnan(InterfaceState(object()).fill_state(ExtendedState(2)))
 
 
 def test_times_that_are_apart_are_an_error():
-    """More than a second between two joints is reported with both."""
+    """Times of joints more than a second apart raise an error that names both joints."""
     assert mean_time(np.array([1.0, 2.0])) == 1.5
     with pytest.raises(StaleStateError, match="joints 1 and 0"):
         mean_time(np.array([2.5, 1.0]))

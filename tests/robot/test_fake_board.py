@@ -1,4 +1,4 @@
-"""The fake board: it is a board, and what its configuration says of it."""
+"""The fake board: it keeps the contract of boards, and follows its configuration."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ CONFIGURATION = (
 
 
 def opened(text: str = CONFIGURATION) -> FakeBoard:
-    """A board of a configuration."""
+    """Return an open board with this configuration."""
     board = FakeBoard("fake")
     board.open(Property.parse(text))
     return board
 
 
 class TestFakeBoard(ControlBoardContract):
-    """It does what boards do."""
+    """The fake board keeps the contract of control boards."""
 
     @pytest.fixture
     def board(self, stepped: ManualClock) -> FakeBoard:
@@ -43,7 +43,7 @@ class TestFakeBoard(ControlBoardContract):
 
 
 def test_configuration_names_axes_types_and_limits():
-    """What the groups say is what the interfaces tell."""
+    """Names, types, limits and variables are those of the configuration."""
     board = opened()
     assert board.axis_names() == ("neck_pitch", "neck_roll", "neck_yaw", "slide")
     assert [board.joint_type(joint) for joint in range(4)] == [
@@ -57,7 +57,7 @@ def test_configuration_names_axes_types_and_limits():
 
 
 def test_without_configuration_there_is_one_joint():
-    """A board of nothing said has a joint with a name, and no variables."""
+    """A board with an empty configuration has one joint, and no variables."""
     board = opened("")
     assert board.axis_names() == ("joint0",)
     with pytest.raises(NotSupportedError):
@@ -76,13 +76,13 @@ def test_without_configuration_there_is_one_joint():
     ],
 )
 def test_nonsense_is_named(text: str, said: str):
-    """A configuration that cannot be is refused, naming the parameter."""
+    """An invalid configuration is refused with the name of the parameter."""
     with pytest.raises(ConfigurationError, match=said):
         opened(text)
 
 
 def test_a_move_lasts_the_way_over_the_speed(stepped: ManualClock):
-    """10 deg at 10 deg/s take a second, and half of it is half the way."""
+    """A move of 10 deg at 10 deg/s takes a second, and is half done after half of it."""
     board = opened()
     board.set_reference_speeds(10.0, 0)
     board.position_move(10.0, 0)
@@ -97,7 +97,7 @@ def test_a_move_lasts_the_way_over_the_speed(stepped: ManualClock):
 
 @pytest.mark.parametrize(("target", "speed"), [(0.0, 10.0), (0.0, 0.0), (10.0, 1e6)])
 def test_a_move_has_a_least_duration(stepped: ManualClock, target: float, speed: float):
-    """It is not done at once, neither to where the joint is nor at any speed; a client would miss its begin."""
+    """Any move, also of 0 deg, takes at least 0.05 s, so that clients see its begin."""
     board = opened()
     board.set_velocity_limits(0, 0.0, 1e6)
     board.set_reference_speeds(speed, 0)
@@ -112,7 +112,7 @@ def test_a_move_has_a_least_duration(stepped: ManualClock, target: float, speed:
 
 @pytest.mark.parametrize("steps", [1, 7, 1000])
 def test_speeds_do_not_depend_on_how_often_one_looks(stepped: ManualClock, steps: int):
-    """A ramp of 50 deg/s² to 10 deg/s for a second comes to 9 deg, however many times it was looked at."""
+    """A speed ramp covers the same way whatever the number of readings meanwhile."""
     board = opened()
     board.set_reference_accelerations(50.0, 0)
     board.set_control_modes(ControlMode.VELOCITY, 0)
@@ -124,7 +124,7 @@ def test_speeds_do_not_depend_on_how_often_one_looks(stepped: ManualClock, steps
 
 
 def test_no_acceleration_is_any_acceleration(stepped: ManualClock):
-    """A joint whose reference acceleration is 0 has its speed at once, and one without a speed never arrives."""
+    """With reference acceleration 0 a joint has its speed at once; with reference speed 0 it never arrives."""
     board = opened()
     board.set_reference_accelerations(0.0, 0)
     board.set_reference_speeds(0.0, 1)
@@ -137,7 +137,7 @@ def test_no_acceleration_is_any_acceleration(stepped: ManualClock):
 
 
 def test_a_running_joint_stops_at_its_limit(stepped: ManualClock):
-    """It comes to rest there, and its speed is 0."""
+    """A joint in velocity mode stops at its limit, with speed 0."""
     board = opened()
     board.set_control_modes(ControlMode.VELOCITY, 0)
     board.velocity_move(40.0, 0)
@@ -149,7 +149,7 @@ def test_a_running_joint_stops_at_its_limit(stepped: ManualClock):
 
 
 def test_whole_state_is_what_the_interfaces_say(stepped: ManualClock):
-    """Filled at once or asked for part by part, the state is the same."""
+    """``fill_state`` gives the values that the interfaces give one by one."""
     board = opened()
     board.position_move([5.0, 6.0], [0, 1])
     stepped.sleep(0.25)
@@ -164,7 +164,7 @@ def test_whole_state_is_what_the_interfaces_say(stepped: ManualClock):
 
 
 def test_encoders_are_declared(stepped: ManualClock):
-    """A joint that is said to be somewhere is there, and rests."""
+    """Set encoders are the joint's position, and end its move; resetting makes them 0."""
     board = opened()
     board.position_move(20.0, 0)
     board.set_encoders([1.0, 2.0], [0, 1])
@@ -179,7 +179,7 @@ def test_encoders_are_declared(stepped: ManualClock):
 
 
 def test_values_that_make_no_sense_are_refused():
-    """No gearbox of 0, no limits of speeds below 0, no gains that are no numbers."""
+    """A gearbox ratio of 0 and a negative speed limit are refused."""
     board = opened()
     with pytest.raises(RefusedError):
         board.set_gearbox_ratio(0, 0.0)
@@ -188,7 +188,7 @@ def test_values_that_make_no_sense_are_refused():
 
 
 def test_reference_speeds_are_clipped_and_never_negative():
-    """To the greatest speed of the joint; accelerations are not clipped."""
+    """Reference speeds are clipped to the joint's greatest, accelerations are not; negative ones are refused."""
     board = opened()
     board.set_reference_speeds([1e6, 20.0], [0, 1])
     assert board.reference_speeds([0, 1]).tolist() == [50.0, 20.0]

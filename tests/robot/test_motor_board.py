@@ -1,4 +1,4 @@
-"""The rules of boards, with a driver whose hardware is a few registers."""
+"""The rules of ControlBoard, with a driver whose hardware is a few registers."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class LabBoard(Registers):
 
 
 class Registers(BoardDriver):
-    """Two coupled motors, a rotation and a slide, that are where they shall be at the next reading."""
+    """Two coupled motors, a rotation and a slide, that are at their setpoints at the next reading."""
 
     measures = frozenset({Field.JOINT_POSITIONS, Field.TEMPERATURES})
     supported = frozenset({ControlMode.POSITION, ControlMode.IDLE, ControlMode.FORCE_IDLE})
@@ -74,7 +74,7 @@ class Registers(BoardDriver):
 
 
 class Board(ControlBoard):
-    """Its cycles are run by the test."""
+    """A board whose cycles are run by the test."""
 
     driver_class = Registers
 
@@ -84,10 +84,10 @@ class Board(ControlBoard):
         super().__init__(_KIND, driver=self.hardware)
 
     def _begin_cycles(self) -> None:
-        """Leave it to the test."""
+        """Start no thread; ``advance`` runs the cycles."""
 
     def advance(self, seconds: float) -> None:
-        """Let time pass."""
+        """Let time pass, and run the cycles of that time."""
         for _ in range(round(seconds / 0.01)):
             self.time.sleep(0.01)
             with self.board.lock:
@@ -96,14 +96,14 @@ class Board(ControlBoard):
 
 @pytest.fixture
 def board(stepped: ManualClock) -> Iterator[Board]:
-    """An open one."""
+    """An open board."""
     with closing(Board(stepped)) as board:
         board.open(Property())
         yield board
 
 
 def test_modes_that_the_hardware_lacks_are_refused(board: Board):
-    """The joint and the mode are named; nothing changes."""
+    """A mode that the driver does not support is refused by name, and the joint's mode stays."""
     with pytest.raises(RefusedError, match="slide: this board does not have the mode torq"):
         board.set_control_modes(ControlMode.TORQUE, 1)
     assert board.control_modes() == (ControlMode.POSITION,) * 2
@@ -112,7 +112,7 @@ def test_modes_that_the_hardware_lacks_are_refused(board: Board):
 
 
 def test_motors_follow_from_joints_and_couplings(board: Board):
-    """If the driver does not measure them; the variable has the couplings."""
+    """Motor positions that the driver does not measure are computed from joints, couplings and gearboxes."""
     board.set_reference_speeds([50.0, 50.0])
     board.position_move([4.0, 3.0])
     board.advance(1.0)
@@ -126,7 +126,7 @@ def test_motors_follow_from_joints_and_couplings(board: Board):
 
 
 def test_a_joint_that_does_not_follow_is_in_fault(board: Board):
-    """Where an error limit is set."""
+    """A joint that is off its setpoint by more than its error limit is in fault."""
     board.set_pid_error_limits(PidType.POSITION, 2.0, 0)
     board.hardware.stuck = True
     board.set_reference_speeds([50.0, 50.0])
@@ -137,7 +137,7 @@ def test_a_joint_that_does_not_follow_is_in_fault(board: Board):
 
 
 def test_a_hot_motor_is_in_fault(board: Board):
-    """Beyond its limit, which can be set."""
+    """A motor above its temperature limit is in fault."""
     board.hardware.temperature = 60.0
     board.set_temperature_limit(1, 50.0)
     board.advance(0.01)
@@ -146,7 +146,7 @@ def test_a_hot_motor_is_in_fault(board: Board):
 
 
 def test_a_change_configures_its_axis(board: Board):
-    """At the beginning all, later that of the setting or the mode."""
+    """The driver configures all axes at opening, and later the axis of a changed setting or mode."""
     assert board.hardware.calls[-2:] == [(0, 20.0), (1, 20.0)]
     before = len(board.hardware.calls)
     board.set_max_current(1, 7.0)
@@ -156,7 +156,7 @@ def test_a_change_configures_its_axis(board: Board):
 
 
 def test_hardware_that_fails_at_the_beginning_is_disconnected(stepped: ManualClock):
-    """The board is not open then, and says so."""
+    """If the first reading fails, the driver is disconnected, and the board is not open."""
     board = Board(stepped)
     board.hardware.failure = DeviceError("the bus is off")
     with pytest.raises(DeviceError, match="the bus is off"):
@@ -167,7 +167,7 @@ def test_hardware_that_fails_at_the_beginning_is_disconnected(stepped: ManualClo
 
 
 def test_a_driver_of_an_installed_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """By its entry point it is a device type like any other."""
+    """A driver of an installed package is a device type, by its entry point."""
     (tmp_path / "lab_driver.py").write_text(_LAB, encoding="utf-8")
     info = tmp_path / "lab-1.0.dist-info"
     info.mkdir()

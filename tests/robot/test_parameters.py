@@ -1,4 +1,4 @@
-"""Parameters of configurations: what is taken, and that whoever wrote another thing is told where."""
+"""Parameters of configurations: valid values are read, others are refused with their place."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ READERS: dict[str, Callable[[Property], Any]] = {
     ],
 )
 def test_what_is_taken(reader: str, text: str, value: object):
-    """Each kind of parameter is read from what a configuration says."""
+    """The reader of each kind of parameter accepts its valid values."""
     assert READERS[reader](Property.parse(f"(key {text})")) == value
 
 
@@ -67,7 +67,7 @@ def test_what_is_taken(reader: str, text: str, value: object):
     ],
 )
 def test_what_is_not(reader: str, text: str):
-    """The sentence begins with the file, the line and the parameter."""
+    """The message about an invalid value begins with file, line and parameter."""
     configuration = Property()
     value = Bottle.parse(text)[0] if text != "inf" else float("inf")
     configuration.put("key", value, location=Location("robot.xml", 12, 5))
@@ -77,13 +77,13 @@ def test_what_is_not(reader: str, text: str):
 
 @pytest.mark.parametrize("reader", ["port_name", "positive"])
 def test_what_is_missing(reader: str):
-    """A parameter that must be there is asked for by its name."""
+    """The message about a missing parameter names it."""
     with pytest.raises(ConfigurationError, match=r"^key: it is missing"):
         READERS[reader](Property())
 
 
 def test_carriers():
-    """Only those that are known here."""
+    """A missing carrier is the default, and an unknown one is refused."""
     assert parameters.carrier(Property(), "udp") == "udp"
     with pytest.raises(ConfigurationError, match=r"^carrier: "):
         parameters.carrier(Property({"carrier": "pigeon"}), "udp")
@@ -99,6 +99,6 @@ def test_carriers():
     st.sampled_from([*READERS]),
 )
 def test_any_value(value: object, reader: str):
-    """It is taken, or refused; nothing else happens."""
+    """Any value is read, or raises ConfigurationError."""
     with contextlib.suppress(ConfigurationError):
         READERS[reader](Property({"key": value}))

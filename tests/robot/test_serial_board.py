@@ -34,7 +34,7 @@ KIND = "twoMotorBoard"
 
 
 class Firmware:
-    """The board: a process at the other end of a pseudo terminal, which is scripted line by line."""
+    """The firmware of the board: a process at the other end of a pseudo terminal, which is scripted line by line."""
 
     def __init__(self) -> None:
         words = [sys.executable, str(EXAMPLES / "two_motor_firmware.py")]
@@ -46,36 +46,36 @@ class Firmware:
         return self._process.stdout.readline().strip()
 
     def script(self, line: str) -> None:
-        """Have something happen to the board; returns when it has."""
+        """Send the firmware a line of the script, and wait until it has obeyed."""
         assert self._process.stdin is not None
         self._process.stdin.write(f"{line}\n")
         self._process.stdin.flush()
         assert self._line() == "done"
 
     def close(self) -> None:
-        """End it."""
+        """End the process."""
         self._process.communicate(timeout=10)
 
 
 @pytest.fixture(scope="module")
 def firmware() -> Iterator[Firmware]:
-    """One for all tests; it begins anew with each connection."""
+    """One process for all tests; its state is reset with each connection."""
     with closing(Firmware()) as firmware:
         yield firmware
 
 
 @pytest.fixture
 def configuration(firmware: Firmware) -> Property:
-    """How a user would name the line."""
+    """The configuration that a user would write."""
     return Property({"port": firmware.port, "patience": 2.0})
 
 
 def in_steps(opened: Callable[[ControlBoard], None]) -> ControlBoard:
-    """A board whose cycles are run by the test instead of a thread."""
+    """Open a board whose cycles are run by the test instead of a thread."""
 
     class Stepped(find_device(KIND, EXAMPLES)):  # type: ignore[misc]  # a class that is found by name
         def _begin_cycles(self) -> None:
-            """Leave it to the test."""
+            """Start no thread; ``advance`` runs the cycles."""
 
     board = Stepped(KIND)
     opened(board)
@@ -83,10 +83,10 @@ def in_steps(opened: Callable[[ControlBoard], None]) -> ControlBoard:
 
 
 class _InSteps:
-    """Lets time pass cycle by cycle."""
+    """Runs a board cycle by cycle."""
 
     def begin(self, configuration: Property, time: ManualClock) -> ControlBoard:
-        """An opened board."""
+        """Return an open board."""
         self.time = time
         self.opened = in_steps(lambda board: board.open(configuration))
         return self.opened
@@ -103,7 +103,7 @@ class _InSteps:
 
 
 class TestSerialBoard(_InSteps, ControlBoardContract):
-    """It does what boards do."""
+    """The serial board keeps the contract of control boards."""
 
     UNMEASURED: ClassVar[frozenset[str]] = frozenset({"encoder_accelerations"})
 
@@ -114,17 +114,17 @@ class TestSerialBoard(_InSteps, ControlBoardContract):
             yield board
 
     def can_be_compliant(self, board: ControlBoard) -> list[bool]:
-        """See the contract: no torque is sensed."""
+        """See the contract: the board senses no torque."""
         return [False] * board.axes()
 
 
 class TestFaults(_InSteps):
-    """What the hardware reports, and what becomes of it."""
+    """Faults, expired speeds and calibrations of the serial board."""
 
     def test_a_fault_of_the_hardware_is_one_of_the_joint(
         self, firmware: Firmware, configuration: Property, stepped: ManualClock
     ):
-        """It has the code and the words of the driver, and is left by a forced idle."""
+        """A fault of the hardware is one of its joint, with the driver's code and text, until a forced idle."""
         with closing(self.begin(configuration, stepped)) as board:
             firmware.script("fault 1 3")
             self.advance(0.02)
@@ -137,7 +137,7 @@ class TestFaults(_InSteps):
             assert board.control_mode(1) is ControlMode.IDLE
 
     def test_too_much_current_is_a_fault(self, configuration: Property, stepped: ManualClock):
-        """After some cycles with more than is allowed."""
+        """A current above the limit for several cycles is a fault of the joint."""
         with closing(self.begin(configuration, stepped)) as board:
             board.set_max_current(0, 2.0)
             board.set_control_modes(ControlMode.CURRENT, 0)
@@ -148,7 +148,7 @@ class TestFaults(_InSteps):
             assert board.last_joint_fault(0) == (1, "motor0: over-current: more than 2 A")
 
     def test_speeds_expire(self, configuration: Property, stepped: ManualClock):
-        """A joint whose client is gone stops."""
+        """A joint stops if its speed is not commanded again."""
         with closing(self.begin(configuration, stepped)) as board:
             board.set_control_modes(ControlMode.VELOCITY, 0)
             board.velocity_move(10.0, 0)
@@ -159,7 +159,7 @@ class TestFaults(_InSteps):
             assert board.encoder(0) == pytest.approx(5.0, abs=0.3)
 
     def test_calibration_is_a_chain_of_modes(self, configuration: Property, stepped: ManualClock):
-        """No command is taken meanwhile."""
+        """A joint that is being calibrated takes no mode, and is in position mode afterwards."""
         with closing(self.begin(configuration, stepped)) as board:
             board.calibrate_axis(0, board.board.calibration[0])
             assert not board.calibration_done(0)
@@ -170,7 +170,7 @@ class TestFaults(_InSteps):
             assert board.control_mode(0) is ControlMode.POSITION
 
     def test_declared_positions_are_kept(self, configuration: Property, stepped: ManualClock):
-        """Encoders show what was declared, nothing moves, and the next move goes as far as the numbers say."""
+        """Set encoders keep their values without motion, and the next move is relative to them."""
         with closing(self.begin(configuration, stepped)) as board:
             board.set_encoders(10.0, 0)
             board.set_motor_encoders(50.0, 1)
@@ -184,7 +184,7 @@ class TestFaults(_InSteps):
             assert board.motor_encoders(0) == pytest.approx([1500.0], abs=1.0)
 
     def test_the_state_says_what_is_measured(self, configuration: Property, stepped: ManualClock):
-        """Accelerations are not, and a reader is told so."""
+        """Fields that the driver does not measure are not valid, and reading them raises an error."""
         with closing(self.begin(configuration, stepped)) as board:
             state = ExtendedState(2)
             board.fill_state(state)
@@ -195,7 +195,7 @@ class TestFaults(_InSteps):
 
 
 def test_in_the_machines_time(firmware: Firmware, configuration: Property):
-    """A thread runs the cycles. A board that falls silent has a stale state, of which a sentence tells once."""
+    """A thread runs the cycles in real time; the state of silent hardware is stale until it answers again."""
     board = make_device(KIND, configuration, beside=EXAMPLES)
     assert isinstance(board, ControlBoard)
     with closing(board):
@@ -213,7 +213,7 @@ def test_in_the_machines_time(firmware: Firmware, configuration: Property):
 
 
 def fresh(board: ControlBoard) -> bool:
-    """Whether the state is not stale."""
+    """Return whether the state can be read."""
     try:
         board.encoders()
     except StaleStateError:
@@ -222,7 +222,7 @@ def fresh(board: ControlBoard) -> bool:
 
 
 def test_what_is_not_this_board(tmp_path: Path, configuration: Property):
-    """No line, an unknown parameter value, a silent line."""
+    """A missing line, a wrong number of joints and a silent line are errors of the opening."""
     with pytest.raises(DeviceError, match="no board at the serial line '/dev/no-such'"):
         make_device(KIND, Property({"port": "/dev/no-such"}), beside=EXAMPLES)
     with pytest.raises(ConfigurationError, match="Joints: this board has 2, not 3"):
@@ -241,7 +241,7 @@ def test_what_is_not_this_board(tmp_path: Path, configuration: Property):
 
 
 def test_a_driver_is_found_in_a_plugin_folder(monkeypatch: pytest.MonkeyPatch):
-    """By the name of its type; names of other files are no types."""
+    """Drivers in RTF_PLUGIN_PATH are found by type and by file; paths and other files are no types."""
     with pytest.raises(ConfigurationError, match="there is no device type 'twoMotorBoard'"):
         find_device(KIND)
     monkeypatch.setenv("RTF_PLUGIN_PATH", str(EXAMPLES))

@@ -1,4 +1,4 @@
-"""Reading robot.toml: what a good one gives, and what a bad one is told, with file and line."""
+"""The reader of robot.toml: the values of a valid file, and the errors of an invalid one, with file and line."""
 
 from __future__ import annotations
 
@@ -33,19 +33,19 @@ elbow = { limits = [0, 120] }
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A folder with the description of the bench."""
+    """A folder with a copy of the bench's description."""
     (tmp_path / "two.xml").write_text((BENCH / "bench.xml").read_text(encoding="utf-8"), encoding="utf-8")
     return tmp_path
 
 
 def read(folder: Path, text: str):
-    """The robot of a file with this text."""
+    """Read a robot.toml with this text."""
     (folder / "robot.toml").write_text(text, encoding="utf-8")
     return load_robot(str(folder))
 
 
 def test_a_small_robot(folder: Path):
-    """What is not said has sensible values; each joint has a motor of its own."""
+    """Values that the file leaves out have defaults; each joint has a motor of its own."""
     robot = read(folder, HEAD + JOINTS)
     assert list(robot.index) == ["shoulder", "elbow"]
     shoulder = robot.axis("shoulder")
@@ -58,7 +58,7 @@ def test_a_small_robot(folder: Path):
 
 
 def test_the_description_says_what_the_file_does_not(folder: Path):
-    """Limits come from it, and an effort."""
+    """Joints without limits in robot.toml have those of the description."""
     robot = read(folder, HEAD + "[parts.arm.joints]\nshoulder = {}\nelbow = {}\n")
     assert robot.axis("shoulder").minimum == pytest.approx(-100.0)
     assert robot.axis("elbow").maximum == pytest.approx(130.0)
@@ -115,7 +115,7 @@ def test_the_description_says_what_the_file_does_not(folder: Path):
     ],
 )
 def test_what_is_wrong_is_told_with_its_place(folder: Path, text: str, line: int, said: str):
-    """The file, the line, and what to do, before anything is started."""
+    """An error in robot.toml is reported with the file, the line and the reason."""
     with pytest.raises(RobotModelError) as caught:
         read(folder, text)
     message = str(caught.value)
@@ -124,7 +124,7 @@ def test_what_is_wrong_is_told_with_its_place(folder: Path, text: str, line: int
 
 
 def test_a_workspace_is_half_spaces(folder: Path):
-    """A box has six, a plane one; a normal points into the workspace in the file, and out of it in the value."""
+    """A box is six half-spaces, a plane is one; normals point inwards in the file and outwards in the value."""
     robot = read(
         folder,
         HEAD + JOINTS + "[workspace]\nbox = { low = [-1, -2, 0], high = [1, 2, 3] }\n"
@@ -145,7 +145,7 @@ def test_a_workspace_is_half_spaces(folder: Path):
 
 
 def test_the_edges_of_a_workspace(folder: Path):
-    """A box has twelve, which a plane may cut; a plane alone is drawn as a square, as large as is asked for."""
+    """A box has twelve edges, a plane may cut them; a plane alone is a square of the given size."""
     box = "[workspace]\nbox = { low = [-1, -1, 0], high = [1, 1, 2] }\n"
     edges = {}
     for name, text in {
@@ -165,7 +165,7 @@ def test_the_edges_of_a_workspace(folder: Path):
 
 
 def test_a_safe_pose_is_a_position_of_every_axis(folder: Path):
-    """Joints that it does not name are at home."""
+    """A joint that a safe pose does not name is at its home position."""
     joints = JOINTS.replace("[-90, 90]", "[-90, 90], home = 5.0")
     robot = read(folder, HEAD + joints + "[safe]\nfolded = { elbow = 90.0 }\nhanging = {}\n")
     assert robot.safe_poses == {
@@ -175,13 +175,13 @@ def test_a_safe_pose_is_a_position_of_every_axis(folder: Path):
 
 
 def test_broken_toml_is_told_with_its_place(folder: Path):
-    """As the parser says it."""
+    """The error of a file that is not TOML names the file and the line."""
     with pytest.raises(RobotModelError, match=r"robot.toml: .*line 2"):
         read(folder, "schema = 1\nname = \n")
 
 
 def test_an_unknown_robot_is_told_where_was_looked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """And which there are; one in ./robots is found."""
+    """The error lists the known robots and the searched folders; ``./robots`` is searched, too."""
     monkeypatch.chdir(tmp_path)
     with pytest.raises(RobotModelError, match=r"no robot 'tin'; there are bench, icub(.|\n)*tried .*robots/tin"):
         find_robot("tin")
@@ -194,7 +194,7 @@ def test_an_unknown_robot_is_told_where_was_looked(tmp_path: Path, monkeypatch: 
 
 
 def test_two_hundred_joints(tmp_path: Path):
-    """A long chain is read and built like a short one."""
+    """A chain of 200 joints is read, and its mechanics are built."""
     count = 200
     body = "".join(
         f'<body name="b{n}" pos="0 0 0.01"><joint name="j{n}" axis="0 {n % 2} {1 - n % 2}" range="-30 30"/>'
@@ -219,7 +219,7 @@ _TABLES = st.dictionaries(
 
 @given(_TABLES)
 def test_every_key_is_found_in_its_line(tables: dict[str, dict[str, int]]):
-    """For any file of tables and keys."""
+    """The line of a key is found in any file of tables and keys."""
     lines, places = [], {}
     for table, entries in tables.items():
         lines.append(f"[{table}]  # a comment")
@@ -235,10 +235,10 @@ def test_every_key_is_found_in_its_line(tables: dict[str, dict[str, int]]):
 
 @given(st.text(max_size=200), st.lists(st.text(max_size=5), max_size=4))
 def test_any_text_has_a_line(text: str, path: list[str]):
-    """Broken files, too."""
+    """Any path in any text, also in broken files, has a line of the text."""
     assert 1 <= line_of(text, path) <= max(1, len(text.splitlines()))
 
 
 def test_paths_of_errors():
-    """As msgspec writes them."""
+    """A path in a message of msgspec is split into its steps."""
     assert steps_of("$.parts[...].joints[...].limits[1]") == ["parts", "...", "joints", "...", "limits", "1"]

@@ -1,4 +1,4 @@
-"""The newest object of a stream is read when somebody asks for it, and never taken for what it is not."""
+"""The latest message of a stream: it is decoded when it is read, and invalid messages are dropped."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Counting(VectorCodec):
-    """Vectors of doubles, and how many were read."""
+    """A codec of vectors of doubles that counts the decoded messages."""
 
     def __init__(self) -> None:
         super().__init__("f8")
@@ -37,20 +37,20 @@ class Counting(VectorCodec):
 
 @pytest.fixture
 def codec() -> Counting:
-    """What the stream is read with."""
+    """The codec of the stream."""
     return Counting()
 
 
 @pytest.fixture
 def newest(network: Network, codec: Counting) -> Iterator[LatestMessage[Any]]:
-    """A port that reads lazily."""
+    """A port that decodes its latest message when it is read."""
     with closing(LatestMessage("/newest", codec, timeout=10.0, network=network, lazily=True)) as made:
         yield made
 
 
 @pytest.fixture
 def source(network: Network, newest: LatestMessage[Any]) -> Iterator[Port]:
-    """A port that sends to it, by tcp: what it has written has been delivered."""
+    """A port that is connected to ``newest`` by tcp, so that a written message has arrived."""
     with Port("/source", network=network) as made:
         made.add_output(newest.name, "tcp")
         yield made
@@ -72,7 +72,7 @@ def test_what_nobody_asks_for_is_not_read(newest: LatestMessage[Any], source: Po
     assert codec.read == 2
 
 
-def test_each_is_asked_for_as_it_came(newest: LatestMessage[Any], source: Port):
+def test_each_message_has_its_own_values(newest: LatestMessage[Any], source: Port):
     """Each message has its own stamp and values, also after one of another length."""
     for number, values in enumerate(([1.0], [2.0], [3.0, 4.0], [5.0, 6.0], [7.0], [8.0])):
         send(source, *values, envelope=f"{number} 0.5")
@@ -96,7 +96,7 @@ def test_it_is_as_old_as_its_arrival(newest: LatestMessage[Any], source: Port):
 def test_nonsense_of_the_usual_length_is_found_out_when_it_is_read(
     newest: LatestMessage[Any], source: Port, said: list[str]
 ):
-    """Its sender is hung up on, once and with a word about it, and what came before it stays the newest."""
+    """Reading an invalid message of the usual length closes its connection, with one report; the last one stays."""
     send(source, 1.0, 2.0)
     assert newest.fresh().value.tolist() == [1.0, 2.0]
     size = len(b"".join(VECTOR.encode(np.zeros(2), source.network.dialect)))
@@ -114,7 +114,7 @@ def test_other_nonsense_is_found_out_at_once(newest: LatestMessage[Any], source:
 
 
 def test_text_is_read_as_text(newest: LatestMessage[Any], network: Network):
-    """Of whatever length."""
+    """Messages of the text carrier are decoded, also if their length is the usual one."""
     with Port("/typed", network=network) as typed:
         typed.add_output(newest.name, "text_ack")
         for number in range(3):
@@ -131,7 +131,7 @@ def test_before_the_first_there_is_none(newest: LatestMessage[Any]):
 
 
 class _AsItIs:
-    """Bytes that are sent as they are."""
+    """A codec that writes bytes unchanged."""
 
     promise = ""
 

@@ -29,14 +29,14 @@ if TYPE_CHECKING:
 
 @pytest.fixture
 def server(network: Network, stepped: ManualClock) -> Iterator[ControlBoardServer]:
-    """A board of three joints that is served."""
+    """The server of a board of three joints."""
     with fake_board(network) as (_, server):
         yield server
 
 
 @pytest.fixture
 def client(network: Network, server: ControlBoardServer) -> Iterator[RemoteControlBoard]:
-    """A client of it."""
+    """A client of the served board."""
     with closing(RemoteControlBoard("client", network=network)) as board:
         board.open(Property({"remote": "/fake", "local": "/client", "carrier": "tcp"}))
         yield board
@@ -81,7 +81,7 @@ def test_one_that_raises_is_given_no_more(
 
 
 def test_states_of_another_board_are_not_shown(client: RemoteControlBoard, network: Network, stepped: ManualClock):
-    """A board of another number of joints that sends here by mistake is not looked at."""
+    """Observers do not get a state with another number of joints."""
     counts: list[int] = []
     client.observe(lambda _time, state: counts.append(state.axes))
     with BufferedPort("/other", EXTENDED_STATE, network=network, inputs=False) as port:

@@ -38,7 +38,7 @@ def server(board: CalibratedBoard, network: Network) -> Iterator[ControlBoardSer
 
 @contextmanager
 def commanding(network: Network, codec=None, carrier: str = "tcp") -> Iterator[Port]:
-    """Somebody who streams commands."""
+    """A port that is connected to the port for commands of the board."""
     with Port("/commander", network=network, inputs=False) as port:
         port.add_output("/robot/arm/command:i", carrier)
         yield port
@@ -65,7 +65,7 @@ STREAMS = [
 
 @pytest.mark.parametrize(("head", "values", "mode", "read", "expected"), STREAMS, ids=lambda value: str(value)[:16])
 def test_streamed_commands(network: Network, server, board, head, values, mode, read, expected):
-    """Each has been carried out when it is acknowledged."""
+    """A command has been executed when it is acknowledged."""
     board.set_control_modes(ControlMode(Vocab(mode).value))
     with commanding(network) as port:
         port.write(command(head, *values), RAW)
@@ -73,13 +73,13 @@ def test_streamed_commands(network: Network, server, board, head, values, mode, 
 
 
 def test_all_streamed_commands_are_tried():
-    """The table has no head that the tests do not stream."""
+    """The test streams every command of the table."""
     tried = {tuple(str(value) for value in Bottle.parse(head) if isinstance(value, Vocab)) for head, *_ in STREAMS}
     assert tried == set(STREAMED)
 
 
 def test_recorded_command(network: Network, server: ControlBoardServer, board: CalibratedBoard):
-    """The bytes of a real client's position-direct command do what it meant, also without acknowledgement."""
+    """The recorded bytes of a real client's command are executed, also by carriers without acknowledgement."""
     board.set_control_modes(ControlMode.POSITION_DIRECT)
     data = bytes.fromhex(
         "0001000002000000 0001000002000000 0900000064706f00 0100000000000000 0a01000001000000 0000000000001e40"
@@ -93,7 +93,7 @@ def test_recorded_command(network: Network, server: ControlBoardServer, board: C
 
 
 def test_commands_keep_their_order(network: Network, server: ControlBoardServer, board: CalibratedBoard):
-    """However fast they come, each is carried out, the last one last."""
+    """All commands of a fast stream are executed in order."""
     seen = []
     board.set_control_modes(ControlMode.VELOCITY)
     board.velocity_move = lambda values, axes: seen.append(values[0])  # type: ignore[method-assign]
@@ -138,7 +138,7 @@ def test_nonsense_is_left_out_and_told_of(network: Network, server, board, said,
 
 
 def test_a_command_that_breaks_the_device_is_told_of(network: Network, server, board, said):
-    """Its port survives it."""
+    """An unexpected error of the device is reported, and the next command is executed."""
 
     def fail(values, axes):
         raise ZeroDivisionError("broken")
@@ -163,7 +163,7 @@ def test_a_command_that_breaks_the_device_is_told_of(network: Network, server, b
     )
 )
 def test_any_message_is_survived(network: Network, server, board, message: bytes):
-    """Whatever is streamed, the next command is carried out."""
+    """After any message the next command is executed."""
     board.set_control_modes(ControlMode.FORCE_IDLE)
     board.set_control_modes(ControlMode.VELOCITY)
     with commanding(network) as port:

@@ -55,7 +55,7 @@ def spoken(request: pytest.FixtureRequest, network: Network) -> Network:
 
 @pytest.fixture
 def camera(stepped: ManualClock) -> FakeDepthCamera:
-    """A fake one."""
+    """A small fake depth camera, at 100 s."""
     assert stepped.time == 100.0
     made = FakeDepthCamera("camera")
     made.open(Property(SMALL))
@@ -64,7 +64,7 @@ def camera(stepped: ManualClock) -> FakeDepthCamera:
 
 @pytest.fixture
 def server(spoken: Network, camera: FakeDepthCamera) -> Iterator[RgbdServer]:
-    """Its server."""
+    """The server of the camera."""
     with closing(RgbdServer(camera, NAME, network=spoken, period=0.1)) as served:
         yield served
 
@@ -80,7 +80,7 @@ def client(spoken: Network, server: RgbdServer) -> Iterator[RgbdClient]:
 
 
 class Recorded(FakeDepthCamera):
-    """A fake camera that says of itself what the recorded ones say."""
+    """A fake camera with the sizes, angles and projection of the recorded ones."""
 
     def size(self, part: RgbdPart) -> tuple[int, int]:
         return self.sides
@@ -99,7 +99,7 @@ class Recorded(FakeDepthCamera):
 
 @pytest.mark.parametrize("version", VERSIONS)
 def test_answers_have_the_bytes_of_a_real_camera(version: str, network: Network, stepped: ManualClock):
-    """All but the projections, whose real ones have a time besides; the images have the same header."""
+    """Answers have the recorded bytes, but for projections and descriptions; so have encoded images."""
     assert stepped.time == 100.0
     recorded, dialect = recordings(version, "rgbd.json"), VERSIONS[version]
     camera = Recorded("camera")
@@ -126,14 +126,14 @@ def test_answers_have_the_bytes_of_a_real_camera(version: str, network: Network,
 
 
 def projection_in(data: bytes, dialect: Dialect) -> Intrinsics:
-    """The projection in an answer."""
+    """Return the projection in an answer."""
     last = decode_from(data, 0, dialect)[0][-1]
     return intrinsics_of(last if isinstance(last, Property) else Property.from_bottle(last))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("version", VERSIONS)
 def test_the_projections_of_a_real_camera_are_read(version: str):
-    """Its parameters are whole numbers in YARP 3.12 and 4.0; the one that 4.0 computes is another."""
+    """A recorded projection is decoded; that of YARP 4.0 is computed from the field of view."""
     answers = recordings(version, "rgbd.json")["answers"]
     data = bytes.fromhex(answers["getDepthIntrinsicParamRPC" if version == "4.0.0" else "[visd] [get] [intp]"])
     found = projection_in(data, VERSIONS[version])
@@ -144,7 +144,7 @@ def test_the_projections_of_a_real_camera_are_read(version: str):
 
 
 def test_images_and_optics_reach_the_client(server: RgbdServer, client: RgbdClient, stepped: ManualClock):
-    """All of both, with one time."""
+    """The client has both images, with one time, and all properties of the optics."""
     with pytest.raises(StaleStateError, match="no message has arrived"):
         client.images()
     server.publish(stepped.now())
@@ -166,7 +166,7 @@ def test_images_and_optics_reach_the_client(server: RgbdServer, client: RgbdClie
 
 
 def test_an_image_is_sent_once(server: RgbdServer, client: RgbdClient, stepped: ManualClock):
-    """Not again until the camera has taken another one; an old one is not shown."""
+    """An image is sent once, and reading it after the timeout raises StaleStateError."""
     server.publish(stepped.now())
     eventually(lambda: all(one.latest for one in client._streams or ()), "no image arrived")
     assert server.measure(stepped.now()) is None
@@ -177,7 +177,7 @@ def test_an_image_is_sent_once(server: RgbdServer, client: RgbdClient, stepped: 
 
 
 def test_both_images_may_have_times_of_their_own(spoken: Network, camera: FakeDepthCamera, stepped: ManualClock):
-    """Each has its stamp."""
+    """Colour and depth images have stamps of their own."""
     images = camera.images()
     camera.images = lambda: images._replace(depth_time=images.colour_time - 0.01)  # type: ignore[method-assign]
     with closing(RgbdServer(camera, NAME, network=spoken, period=0.1)) as server:
@@ -191,7 +191,7 @@ def test_both_images_may_have_times_of_their_own(spoken: Network, camera: FakeDe
 
 
 def test_the_ports_of_yarps_client(spoken: Network, server: RgbdServer):
-    """Each has a parameter of its own, as YARP's client needs them."""
+    """Each port and carrier of the client has a parameter, as in YARP's client."""
     assert server.name == NAME
     ports = {
         "remoteImagePort": f"{NAME}/rgbImage:o", "remoteDepthPort": f"{NAME}/depthImage:o", "remoteRpcPort": PORT,
@@ -204,7 +204,7 @@ def test_the_ports_of_yarps_client(spoken: Network, server: RgbdServer):
 
 
 def test_a_client_needs_its_server(network: Network):
-    """It holds no ports afterwards, and cannot be used."""
+    """A client without a server is not opened, and its methods raise DeviceError."""
     client = RgbdClient("client", network=network)
     with pytest.raises(DeviceError, match="running"):
         client.open(Property({"remote": NAME}))
@@ -216,7 +216,7 @@ def test_a_client_needs_its_server(network: Network):
 
 
 def test_refusals_are_told(client: RgbdClient, camera: FakeDepthCamera):
-    """In both dialects."""
+    """A refusal of the device is a RefusedError at the client, in both dialects."""
 
     def refuses() -> float:
         raise RefusedError("no")
@@ -231,7 +231,7 @@ ODD = ["[visd] [is] 1", "[visd] [acrc] [is] wide", "[visd] [acrc] [is]", "[visr]
 
 @pytest.mark.parametrize("odd", ODD)
 def test_odd_answers_are_no_values(odd: str, network: Network):
-    """A server of YARP 3 that answers something else."""
+    """An unexpected answer of a server of YARP 3 raises NoAnswerError."""
     good = {
         "prot": "[rgdb] [prot] [is] 1 0",
         "acrc": odd,
@@ -264,7 +264,7 @@ WORDS = [
 
 @given(st.lists(st.one_of(st.sampled_from(WORDS), st.integers(-9, 9), st.text(max_size=3)), max_size=5))
 def test_every_request_has_an_answer(elements: list[object]):
-    """One of the vocabulary, or a refusal: nothing ends the server."""
+    """Any request is answered with the words of the vocabulary, [fail] or [nak], without an exception."""
     camera = FakeDepthCamera("camera")
     camera.open(Property(SMALL))
     answer = RgbdResponder(camera).answer(Bottle(elements))
@@ -273,7 +273,7 @@ def test_every_request_has_an_answer(elements: list[object]):
 
 @given(st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 9))
 def test_projections_are_properties(numbers: tuple[float, ...]):
-    """All nine numbers come back; without the four of the projection there is none."""
+    """A projection is the same after encoding and decoding; one without a required number is an error."""
     fx, fy, cx, cy, *distortion = numbers
     intrinsics = Intrinsics(fx, fy, cx, cy, tuple(distortion))  # type: ignore[arg-type]
     found = property_of(intrinsics)
@@ -294,7 +294,7 @@ def test_projections_are_properties(numbers: tuple[float, ...]):
 def test_the_points_of_a_plane_lie_in_it(
     plane: tuple[float, float, float], size: tuple[int, int], angles: tuple[float, float]
 ):
-    """Whatever the camera is: depth = a + b x + c y for every point."""
+    """For any camera, points of a plane satisfy its equation, depth = a + b x + c y."""
     projection = pinhole(size, angles)
     x = (np.arange(size[0]) - projection.centre_x) / projection.focal_x
     y = ((np.arange(size[1]) - projection.centre_y) / projection.focal_y)[:, np.newaxis]
@@ -309,7 +309,7 @@ def test_the_points_of_a_plane_lie_in_it(
 
 
 def test_what_is_not_measured_is_no_point():
-    """0, NaN, infinity, and what is beyond the clip planes."""
+    """Depths of 0, NaN, infinity and beyond the clip planes give no point."""
     depth = np.array([[0.0, np.nan, np.inf, 0.1, 1.0, 9.0]], np.float32)
     points = points_of(depth, pinhole((6, 1), (60.0, 10.0)), (0.2, 6.0))
     assert np.isfinite(points[0, :, 2]).tolist() == [False, False, False, False, True, False]
@@ -317,7 +317,7 @@ def test_what_is_not_measured_is_no_point():
 
 
 def test_the_middle_of_an_image_is_straight_ahead():
-    """Between its pixels if their number is even; right is right and down is down."""
+    """The optical axis passes between the pixels of an even size; x points right and y down."""
     points = points_of(np.full((2, 2), 2.0, np.float32), pinhole((2, 2), (90.0, 90.0)))
     assert points.mean(axis=(0, 1)).tolist() == [0.0, 0.0, 2.0]
     assert points[0, 1, 0] == 1.0
