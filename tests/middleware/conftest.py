@@ -1,4 +1,4 @@
-"""A network for each test, and the promise that nothing of it is left."""
+"""A network for each test; it must leave no thread and no descriptor."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
 @pytest.fixture
 def said() -> list[str]:
-    """What the network reported."""
+    """The reports of the network."""
     return []
 
 
 @pytest.fixture
 def network(said: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Network]:
-    """A network of this process; afterwards no thread and no descriptor of it is left."""
+    """A network of this process; it must leave no thread and no descriptor."""
     monkeypatch.setenv("YARP_RUNTIME_DIR", str(tmp_path / "runtime"))
     threads = set(threading.enumerate())
     descriptors = open_descriptors()

@@ -1,4 +1,4 @@
-"""What every carrier keeps to, each in its own words: one class of tests, a subclass for each of them."""
+"""The contract of carriers: one class of tests, with a subclass for each carrier."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Contract:
         eventually(fresh, "the reader has no new input")
 
     def test_what_is_sent_arrives(self, network: Network):
-        """Whole, in order, with the sender's name and the envelope."""
+        """Messages arrive whole, in order, with the sender's name and the envelope."""
         with (
             BufferedPort("/reader", strict=True, network=network) as reader,
             Port("/writer", network=network) as writer,
@@ -52,7 +52,7 @@ class Contract:
                 assert (received.sender, received.envelope) == ("/writer", f"{number} 1.5")
 
     def test_both_ends_list_it(self, network: Network):
-        """By the carrier's name; when one end is gone the other does not list it any more."""
+        """Both ends list the connection with its carrier, and the reader no longer when the writer is closed."""
         with BufferedPort("/reader", network=network) as reader:
             with Port("/writer", network=network) as writer:
                 writer.add_output("/reader", self.name)
@@ -78,7 +78,7 @@ class Contract:
             assert reader.read(timeout=5) == Bottle()
 
     def test_question_is_answered(self, network: Network):
-        """Where the carrier takes replies, and only there."""
+        """A request gets its reply if the carrier has replies, and None otherwise."""
 
         def answer(delivery: IncomingMessage) -> None:
             delivery.reply(Bottle(["you said", *delivery.read()]))
@@ -90,7 +90,7 @@ class Contract:
             assert reply == (Bottle(["you said", 1, "two"]) if self.replies else None)
 
     def test_many_threads_may_write(self, network: Network):
-        """Their messages are not mixed up."""
+        """Messages of several threads arrive whole, and in order for each thread."""
         with (
             BufferedPort("/reader", strict=True, network=network) as reader,
             Port("/writer", network=network) as writer,
@@ -113,7 +113,7 @@ class Contract:
             assert seen == {number: [*range(50)] for number in range(4)}
 
     def test_reader_that_closes_is_noticed(self, network: Network):
-        """At the latest by a write after it; the writer lives on without it."""
+        """The writer removes a closed reader at the latest with its next write, if the carrier is reliable."""
         with Port("/writer", network=network) as writer:
             reader = BufferedPort("/reader", network=network)
             writer.add_output("/reader", self.name)
@@ -128,7 +128,7 @@ class Contract:
                 eventually(write_again, "the writer still lists its output")
 
     def test_connection_can_be_made_again(self, network: Network):
-        """A second connection to the same port takes the place of the first."""
+        """A second connection to the same port replaces the first."""
         with (
             BufferedPort("/reader", strict=True, network=network) as reader,
             Port("/writer", network=network) as writer,
@@ -141,25 +141,25 @@ class Contract:
             eventually(lambda: len(reader.inputs) == 1, "an old input is left")
 
     def test_port_that_is_not_there_cannot_be_connected(self, network: Network):
-        """The error names it."""
+        """The error of a connection to a missing port names the port."""
         with Port("/writer", network=network) as writer, pytest.raises(MiddlewareError, match="/nobody"):
             writer.add_output("/nobody", self.name)
 
 
 class TestTcp(Contract):
-    """Acknowledged, binary."""
+    """The carrier tcp: binary, with acknowledgements."""
 
     name = "tcp"
 
 
 class TestFastTcp(Contract):
-    """Not acknowledged, binary."""
+    """The carrier fast_tcp: binary, without acknowledgements."""
 
     name = "fast_tcp"
 
 
 class TestText(Contract):
-    """Not acknowledged, lines."""
+    """The carrier text: lines, without acknowledgements."""
 
     name = "text"
     replies = False
@@ -167,14 +167,14 @@ class TestText(Contract):
 
 
 class TestTextAck(Contract):
-    """Acknowledged, lines."""
+    """The carrier text_ack: lines, with acknowledgements."""
 
     name = "text_ack"
     largest = 200_000
 
 
 class TestUdp(Contract):
-    """Datagrams to one."""
+    """The carrier udp: datagrams to one reader."""
 
     name = "udp"
     reliable = False
@@ -183,7 +183,7 @@ class TestUdp(Contract):
 
 
 class TestMcast(Contract):
-    """Datagrams to many."""
+    """The carrier mcast: datagrams to a group of readers."""
 
     name = "mcast"
     reliable = False
@@ -192,18 +192,18 @@ class TestMcast(Contract):
 
 
 class TestLocal(Contract):
-    """Objects, in one process."""
+    """The carrier local: objects within one process."""
 
     name = "local"
 
 
 class TestUnixStream(Contract):
-    """Binary, on one machine."""
+    """The carrier unix_stream: binary, on one machine."""
 
     name = "unix_stream"
 
 
 class TestUnixStreamAck(Contract):
-    """The same, acknowledged."""
+    """The carrier unix_stream with acknowledgements."""
 
     name = "unix_stream+ack"

@@ -1,4 +1,4 @@
-"""Datagrams: how their reader is woken, and what it keeps of a burst."""
+"""Datagrams: how a waiting reader is woken, and how many of a burst it keeps."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ SMALL_BUFFER = 1 << 16
 
 @contextmanager
 def sending_to(reader: Port) -> Iterator[socket.socket]:
-    """Connect to a port by udp, by hand: what is sent does not wait for anything."""
+    """Connect to a port by udp without a Port, and yield the socket, which sends without waiting."""
     with socket.create_connection((reader.contact.host, reader.contact.port), timeout=10) as connection:
         connection.sendall(Udp.header + framing.sender("/writer"))
         number = framing.read_number(connection.recv(8, socket.MSG_WAITALL))
@@ -58,7 +58,7 @@ def datagram_of(number: int) -> bytes:
 
 
 def test_a_burst_is_kept_while_messages_are_processed(network: Network, monkeypatch: pytest.MonkeyPatch):
-    """Three messages arrive during each callback: far more than the kernel keeps."""
+    """No datagram is lost while callbacks run, although more arrive than the kernel's buffer holds."""
     monkeypatch.setattr(datagram, "_RECEIVE_BUFFER", SMALL_BUFFER)
     received: list[int] = []
     to_send = iter(range(BURST))
@@ -79,7 +79,7 @@ def test_a_burst_is_kept_while_messages_are_processed(network: Network, monkeypa
 
 
 def test_losses_are_reported_at_the_end_of_the_connection(network: Network, monkeypatch: pytest.MonkeyPatch):
-    """With the numbers and what to do: a sender of datagrams never notices."""
+    """When the connection ends, the reader reports how many datagrams were lost, with a hint."""
     monkeypatch.setattr(datagram, "_RECEIVE_BUFFER", SMALL_BUFFER)
     reports: list[str] = []
     monkeypatch.setattr(network, "report", reports.append)
@@ -106,14 +106,14 @@ def test_losses_are_reported_at_the_end_of_the_connection(network: Network, monk
 
 
 def receiving() -> DatagramInput:
-    """A receiving end to which nobody sends."""
+    """Return the receiving end of a connection on which nothing is sent."""
     connection = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     connection.bind(("127.0.0.1", 0))
     return DatagramInput(Udp(), connection, ("/writer", ""), print)
 
 
 def test_who_waits_is_woken_when_it_is_closed():
-    """By another thread."""
+    """Closing the receiving end from another thread wakes a waiting reader."""
     link = receiving()
     ended = threading.Event()
 
@@ -131,7 +131,7 @@ def test_who_waits_is_woken_when_it_is_closed():
 
 
 def test_closing_one_that_is_gone_wakes_nobody_else():
-    """The number of the descriptor that woke it belongs to somebody else by then."""
+    """Closing a released end does not write to its former descriptor, which another object may own."""
     link = receiving()
     link.release()
     others = [os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK) for _ in range(20)]
@@ -146,7 +146,7 @@ def test_closing_one_that_is_gone_wakes_nobody_else():
 def test_a_number_that_somebody_else_has_is_not_the_end(
     network: Network, monkeypatch: pytest.MonkeyPatch, occupied: int
 ):
-    """Datagrams leave from the number of the handshake: another handshake has another. It gives up in the end."""
+    """If the handshake's port number is in use for datagrams, the writer tries another, a limited number of times."""
     reach, others = network.reach, []
 
     def reach_from_an_occupied_number(contact: Contact, patience: float | None = None) -> Stream:

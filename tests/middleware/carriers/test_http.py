@@ -1,4 +1,4 @@
-"""The page of a port and of a name server, asked for by a real HTTP client and by hostile ones."""
+"""The web pages of a port and of a name server, requested by an HTTP client, and hostile requests."""
 
 from __future__ import annotations
 
@@ -50,15 +50,15 @@ def token_of(page: str) -> str:
 
 
 def echo(message: IncomingMessage) -> None:
-    """Reply with what was asked."""
+    """Reply with the request itself."""
     message.reply(message.read())
 
 
 class TestPage:
-    """What a browser is shown."""
+    """The page of a port."""
 
     def test_connections_and_messages_are_escaped(self, network: Network) -> None:
-        """Names and messages of anybody are text, and the policy of the page allows no scripts."""
+        """Names and messages are escaped in the page, and its content policy allows no scripts."""
         with (
             Port("/to/<script>alert(1)</script>", echo, network=network) as reader,
             Port("/from", network=network) as writer,
@@ -77,7 +77,7 @@ class TestPage:
             assert "1.5" in ask(writer)[1]
 
     def test_long_messages_are_named_by_size(self, network: Network) -> None:
-        """A message of more than MAX_SHOWN bytes is not decoded for a page."""
+        """Instead of a message of more than MAX_SHOWN bytes the page shows its size."""
         with Port("/to", echo, network=network) as reader, Port("/from", network=network) as writer:
             writer.add_output(reader.name)
             writer.write(Bottle(["x" * MAX_SHOWN]))
@@ -85,7 +85,7 @@ class TestPage:
             assert str(MAX_SHOWN) in ask(writer)[1]
 
     def test_looking_changes_nothing(self, network: Network) -> None:
-        """GET and HEAD reach no owner and leave no connection, whatever their address asks for."""
+        """GET and HEAD send nothing to the port's owner, and leave no connection."""
         received: list[Bottle] = []
         with Port("/to", lambda message: received.append(message.read()), network=network) as port:
             assert ask(port, path="/?data=stop&cmd=stop")[0] == 200
@@ -97,10 +97,10 @@ class TestPage:
 
 
 class TestRequests:
-    """The form of the page."""
+    """The form on the page, by which a request is sent."""
 
     def test_reply_is_shown(self, network: Network) -> None:
-        """The owner receives the text as a request, and its reply is part of the page."""
+        """The text of the form is a request to the port's owner, and the page shows the reply."""
         with Port("/rpc", echo, network=network) as port:
             token = token_of(ask(port)[1])
             status, page, _ = ask(port, "POST", "/rpc", urlencode({"token": token, "text": f'get 2.5 "{HOSTILE}"'}))
@@ -110,7 +110,7 @@ class TestRequests:
 
     @pytest.mark.parametrize("form", ["", "text=stop", "token=x&text=stop", "token=&text=stop", "%ff=%fe"])
     def test_form_of_another_page_is_refused(self, network: Network, form: str) -> None:
-        """A page of another site can make a browser send a form, but does not know the secret."""
+        """A form without the secret of the page is refused, so that pages of other sites cannot send requests."""
         received: list[Bottle] = []
         with Port("/rpc", lambda message: received.append(message.read()), network=network) as port:
             assert ask(port, "POST", "/rpc", form)[0] == 403
@@ -118,13 +118,13 @@ class TestRequests:
 
     @pytest.mark.parametrize("host", ["evil.example", "evil.example:80", "127.0.0.1.evil.example", "localhost.evil"])
     def test_foreign_host_is_refused(self, network: Network, host: str) -> None:
-        """A name of somebody's that leads to this address makes pages of theirs this port's; it is refused."""
+        """A request with a foreign host name is refused, so that the page of another site cannot read this one."""
         with Port("/rpc", echo, network=network) as port:
             assert ask(port, Host=host)[0] == 421
 
     @pytest.mark.parametrize("host", ["127.0.0.1", "127.0.0.1:1", "[::1]:5", "localhost:10000", socket.gethostname()])
     def test_names_of_this_machine(self, network: Network, host: str) -> None:
-        """Addresses and the names of the machine are served."""
+        """Requests with an address or a name of this machine are answered."""
         with Port("/rpc", echo, network=network) as port:
             assert ask(port, Host=host)[0] == 200
 
@@ -138,14 +138,14 @@ class TestRequests:
 
     @pytest.mark.parametrize("method", ["PUT", "DELETE", "PATCH", "OPTIONS", "POST"])
     def test_other_methods(self, network: Network, method: str) -> None:
-        """The page itself is only read."""
+        """The page allows GET and HEAD only."""
         with Port("/rpc", echo, network=network) as port:
             status, _, headers = ask(port, method)
             assert status == 405
             assert headers["allow"] == "GET, HEAD"
 
     def test_too_large(self, network: Network) -> None:
-        """Heads and forms have a limit."""
+        """Heads and forms above their limits are refused."""
         with Port("/rpc", echo, network=network) as port:
             assert ask(port, path="/" + "x" * (2 * MAX_HEAD))[0] == 431
             assert ask(port, "POST", "/rpc", "x" * (MAX_FORM + 1))[0] == 413
@@ -155,7 +155,7 @@ class TestNameServer:
     """The page of a name server."""
 
     def test_ports_and_connections(self) -> None:
-        """All ports are listed with the address of their pages and what they send to; a dead one is named."""
+        """The page lists all ports with links to their pages and their outputs, and marks those that do not answer."""
         with NameServer() as server:
             network = Network(server.names)
             with Port("/to", echo, network=network) as reader, BufferedPort("/from", network=network) as writer:
@@ -193,7 +193,7 @@ class TestHostile:
     )
     @example(start=b"GET / HT", rest=b"TP/1.1\r\n\r\n")
     def test_the_port_survives(self, start: bytes, rest: bytes) -> None:
-        """Whatever is sent: the connection ends with a page of HTTP or with nothing, and the port goes on."""
+        """Any bytes are answered with HTTP or with nothing, and the port serves the next request."""
         port = _shared_port()
         with socket.create_connection((port.contact.host, port.contact.port), timeout=10) as peer:
             peer.sendall(start + rest)

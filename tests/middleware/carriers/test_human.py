@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class Person:
-    """What a person sees, and the keyboard."""
+    """A person: the lines that the terminal shows, and a keyboard."""
 
     def __init__(self, network: Network) -> None:
         self.seen: list[str] = []
@@ -31,11 +31,11 @@ class Person:
         eventually(lambda: set(lines) <= set(self.seen), f"{lines} are not all in {self.seen}")
 
     def types(self, *lines: str) -> None:
-        """Type lines."""
+        """Type lines at the keyboard."""
         os.write(self._keys, "".join(f"{line}\n" for line in lines).encode())
 
     def close(self) -> None:
-        """Take the keyboard away."""
+        """Close the keyboard."""
         os.close(self._keys)
         assert self.network.keyboard is not None
         os.close(self.network.keyboard)
@@ -43,7 +43,7 @@ class Person:
 
 @pytest.fixture
 def people(network: Network) -> Iterator[tuple[Person, Person]]:
-    """Those at the writer and at the reader."""
+    """The persons at the writer and at the reader."""
     both = Person(network), Person(network)
     yield both
     for person in both:
@@ -51,7 +51,7 @@ def people(network: Network) -> Iterator[tuple[Person, Person]]:
 
 
 def test_message_is_carried_by_people(people: tuple[Person, Person]):
-    """Each line is typed at the other end, the acknowledgement, too; the writer waits for it."""
+    """A message and its acknowledgement travel as lines that people type; the writer waits for them."""
     here, there = people
     with Port("/reader", network=there.network) as reader, Port("/writer", network=here.network) as writer:
         writer.add_output("/reader", "human")
@@ -77,7 +77,7 @@ def test_message_is_carried_by_people(people: tuple[Person, Person]):
 
 
 def test_ends_while_nobody_types(people: tuple[Person, Person]):
-    """Closing a port ends the wait of a writer and of a reader."""
+    """Removing an output, or closing a port, ends the wait for typed lines."""
     here, there = people
     with Port("/reader", network=there.network), Port("/writer", network=here.network) as writer:
         writer.add_output("/reader", "human")
@@ -90,7 +90,7 @@ def test_ends_while_nobody_types(people: tuple[Person, Person]):
 
 
 def test_end_of_what_is_typed(people: tuple[Person, Person], network: Network):
-    """Ends the connection."""
+    """The end of the keyboard's input ends the connection."""
     here = people[0]
     keyboard = os.open(os.devnull, os.O_RDONLY)
     there = Network(network.names, keyboard=keyboard)
@@ -101,7 +101,7 @@ def test_end_of_what_is_typed(people: tuple[Person, Person], network: Network):
 
 
 def test_no_keyboard(people: tuple[Person, Person], network: Network, said: list[str]):
-    """A program without one refuses: a peer cannot make it read from its terminal."""
+    """A program without a keyboard refuses the carrier, so that no peer can make it read its terminal."""
     with Port("/reader", network=network) as reader, Port("/writer", network=people[0].network) as writer:
         writer.add_output("/reader", "human")
         eventually(lambda: said, "nothing is reported")
@@ -110,7 +110,7 @@ def test_no_keyboard(people: tuple[Person, Person], network: Network, said: list
 
 
 def test_program_in_the_background(network: Network, people: tuple[Person, Person]):
-    """It does not read from its terminal, for which the kernel would stop it."""
+    """A program in the background is recognized; it must not read the terminal, or the kernel would stop it."""
     master, terminal = pty.openpty()
     child = os.fork()
     if child == 0:  # the leader of a session with this terminal; its child is in the background

@@ -1,4 +1,4 @@
-"""Pictures over ``mjpeg``: between ports, to a browser's request, to YARP's, and from a camera that sends nonsense."""
+"""Images by ``mjpeg``: between ports, to browsers and YARP's readers, and from servers that send invalid data."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ def picture(red: int = 200) -> Image:
 
 
 class TestPorts:
-    """Our port at both ends."""
+    """Ports of this library at both ends."""
 
     def test_pictures_and_envelopes_arrive(self, network: Network) -> None:
-        """A reader asks for the pictures; they arrive as rgb, within the loss of JPEG, with their envelopes."""
+        """The reader connects to the camera; images arrive as rgb, up to the loss of JPEG, with their envelopes."""
         with (
             BufferedPort("/cam", Image.codec, network=network) as camera,
             BufferedPort("/view", Image.codec, network=network, strict=True) as viewer,
@@ -59,7 +59,7 @@ class TestPorts:
             assert difference.mean() < 3
 
     def test_tools_ask_the_reader(self, network: Network) -> None:
-        """``connect`` and ``disconnect`` of tools ask the port that opens the connection."""
+        """Tools connect and disconnect by a request to the reader, which opens the connection."""
         camera, viewer = Contact("/cam"), Contact("/view")
         with BufferedPort("/cam", Image.codec, network=network) as one, Port("/view", network=network) as other:
             remote.connect(network, camera, viewer, "mjpeg")
@@ -69,7 +69,7 @@ class TestPorts:
             eventually(lambda: not one.outputs or one.write(picture()) is None, "the output is still there")
 
     def test_other_objects_end_the_connection(self, network: Network, said: list[str]) -> None:
-        """A port that does not send images says why its reader is lost."""
+        """A message that is no image ends the connection, and the reason is reported."""
         with Port("/words", network=network) as words, BufferedPort("/view", Image.codec, network=network) as viewer:
             viewer.add_output("mjpeg:/words")
             eventually(lambda: words.outputs, "there is no output")
@@ -78,7 +78,7 @@ class TestPorts:
             assert any("mjpeg is for images only" in line for line in said), said
 
     def test_directions(self, network: Network) -> None:
-        """A port without inputs cannot ask for pictures, and a port cannot push them."""
+        """A port without inputs cannot connect to a camera."""
         with Port("/cam", network=network) as camera, Port("/only", network=network, inputs=False) as only:
             with pytest.raises(ConnectError, match="Inputs not allowed"):
                 only.add_output("mjpeg:/cam")
@@ -97,7 +97,7 @@ class TestForeignReaders:
         ],
     )
     def test_stream(self, network: Network, request_text: bytes) -> None:
-        """The reply is a document of parts; each is a JPEG of the size that its head says."""
+        """The response is a multipart document of JPEGs, each with its right length."""
         with BufferedPort("/cam", Image.codec, network=network) as camera:
             address = (camera.contact.host, camera.contact.port)
             with socket.create_connection(address, timeout=10) as peer, peer.makefile("rb") as stream:
@@ -118,7 +118,7 @@ class TestForeignReaders:
                     assert stream.readline() == BOUNDARY
 
     def test_reader_that_leaves(self, network: Network) -> None:
-        """Its output ends with its connection, also if the port sends nothing."""
+        """The output is removed when its reader disconnects, also if the port sends nothing."""
         with BufferedPort("/cam", Image.codec, network=network) as camera:
             with socket.create_connection((camera.contact.host, camera.contact.port), timeout=10) as peer:
                 peer.sendall(b"GET /?action=stream HTTP/1.1\r\n\r\n")
@@ -130,7 +130,7 @@ class TestForeignReaders:
 
 
 class TestForeignCameras:
-    """Sources that are not ours."""
+    """Sources that are no ports."""
 
     @pytest.mark.parametrize(
         ("answer", "complaint"),
@@ -141,7 +141,7 @@ class TestForeignCameras:
         ],
     )
     def test_refusal(self, network: Network, answer: bytes, complaint: str) -> None:
-        """A source that does not send pictures is an error of the connection."""
+        """Connecting to a source that does not send images raises ConnectError."""
         with camera_that_sends(answer) as number, Port("/view", network=network) as viewer:
             with pytest.raises(ConnectError, match=complaint):
                 viewer.add_output(Contact("/cam", "127.0.0.1", number, "mjpeg"))
@@ -158,7 +158,7 @@ class TestForeignCameras:
         ],
     )
     def test_nonsense(self, network: Network, said: list[str], part: bytes, complaint: str) -> None:
-        """A part that is no picture ends the connection with a reason; nothing is allocated for what it announces."""
+        """An invalid part ends the connection with a report, and its announced size is not allocated."""
         answer = b"HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace;boundary=x\r\n\r\n--x\r\n" + part
         with camera_that_sends(answer) as number, Port("/view", network=network) as viewer:
             viewer.add_output(Contact("/cam", "127.0.0.1", number, "mjpeg"))
@@ -191,7 +191,7 @@ def camera_that_sends(answer: bytes) -> AbstractContextManager[int]:
 
 
 class TestCodec:
-    """JPEG itself."""
+    """The encoding of images as JPEG."""
 
     @settings(deadline=None, max_examples=20)
     @given(
@@ -199,19 +199,19 @@ class TestCodec:
         envelope=st.text(st.characters(codec="ascii", exclude_characters="\0"), max_size=50),
     )
     def test_size_and_envelope_survive(self, pixels: np.ndarray, envelope: str) -> None:
-        """Any picture can be sent; its size and its envelope are unchanged."""
+        """Size and envelope of an image are the same after encoding and decoding."""
         back, text = decode_jpeg(encode_jpeg(Image(pixels), envelope))
         assert (back.width, back.height, text) == (pixels.shape[1], pixels.shape[0], envelope)
 
     @settings(deadline=None)
     @given(data=st.binary(max_size=200))
     def test_nonsense_is_a_protocol_error(self, data: bytes) -> None:
-        """Whatever is not a JPEG raises ProtocolError."""
+        """Bytes that are no JPEG raise ProtocolError."""
         with pytest.raises(ProtocolError):
             decode_jpeg(data)
 
     def test_too_many_pixels(self) -> None:
-        """A small file that announces a huge picture is not decoded."""
+        """A JPEG that announces more than MAX_PIXELS is refused."""
         jpeg = io.BytesIO()
         Pictures.new("L", (9_000, 8_192)).save(jpeg, "JPEG")
         with pytest.raises(ProtocolError, match=str(MAX_PIXELS)):

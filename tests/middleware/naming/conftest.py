@@ -1,4 +1,4 @@
-"""A name server for each test, the ways to talk to it, and the promise that nothing of it is left."""
+"""A name server for each test, and ways to talk to it; nothing may be left of them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def wait_until(condition: Callable[[], object], complaint: str, limit: float = _
 
 
 def say(contact: Contact, *pieces: bytes, size: int | None = None) -> bytes:
-    """Send bytes to a server and return all it answers, or the first ``size`` bytes."""
+    """Send bytes to a server, and return its whole answer, or the first ``size`` bytes."""
     with socket.create_connection((contact.host, contact.port), _LIMIT) as connection:
         for piece in pieces:
             connection.sendall(piece)
@@ -61,7 +61,7 @@ def _descriptors() -> int:
 
 @pytest.fixture(autouse=True)
 def nothing_left() -> Iterator[None]:
-    """Afterwards no thread and no descriptor is left."""
+    """Check that the test leaves no thread and no descriptor."""
     threads = set(threading.enumerate())
     descriptors = _descriptors()
     yield
@@ -71,7 +71,7 @@ def nothing_left() -> Iterator[None]:
 
 @pytest.fixture
 def said() -> list[str]:
-    """What the server reported."""
+    """The reports of the server."""
     return []
 
 

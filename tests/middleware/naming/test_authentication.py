@@ -1,4 +1,4 @@
-"""Both ends of a connection prove that they know the same key."""
+"""Authentication: both ends of a connection prove that they know the key."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Ends = tuple[Stream, Stream]
 
 @pytest.fixture
 def ends() -> Iterator[Ends]:
-    """A connection."""
+    """The two ends of a connection."""
     one, other = (Stream(end) for end in socket.socketpair())
     for end in one, other:
         end.limit_waiting(2.0)
@@ -35,7 +35,7 @@ def ends() -> Iterator[Ends]:
 
 
 def outcome(work: Callable[[], None]) -> tuple[threading.Thread, list[MiddlewareError]]:
-    """Do something in a thread; what went wrong stands in the list when it is over."""
+    """Start a function in a thread; return the thread, and a list for the error."""
     errors: list[MiddlewareError] = []
 
     def run() -> None:
@@ -50,7 +50,7 @@ def outcome(work: Callable[[], None]) -> tuple[threading.Thread, list[Middleware
 
 
 def test_the_same_key(ends: Ends):
-    """Both are content, and what follows is not touched."""
+    """Two ends with the same key accept each other, and no byte after the handshake is consumed."""
     thread, errors = outcome(lambda: ends[0].run(authentication.accept(ends[0], KEY)))
     ends[1].run(authentication.connect(ends[1], KEY))
     ends[1].send(b"YA\xe4\x1e\x00\x00RP")
@@ -60,7 +60,7 @@ def test_the_same_key(ends: Ends):
 
 
 def test_to_the_byte(ends: Ends):
-    """Three messages: a number that was made up, and the signature of all numbers so far."""
+    """Each of the three messages is a random number, and a signature of all numbers up to it."""
     thread, errors = outcome(lambda: ends[0].run(authentication.accept(ends[0], KEY)))
     first = bytes(ends[1].run(ends[1].take(40)))
     assert first[8:] == hmac.digest(KEY, first[:8], "sha256")
@@ -74,7 +74,7 @@ def test_to_the_byte(ends: Ends):
 
 @pytest.mark.parametrize(("ours", "theirs"), [(KEY, b"another"), (b"another", KEY), (KEY, KEY + b" ")])
 def test_another_key(ends: Ends, ours: bytes, theirs: bytes):
-    """Anyone who calls hears it first, and has then not shown anything that could be used."""
+    """Two ends with different keys refuse each other; the caller refuses first, and has sent no signature."""
     thread, errors = outcome(lambda: ends[0].run(authentication.accept(ends[0], ours)))
     with pytest.raises(ProtocolError, match=r"does not know the key .*auth\.conf"):
         ends[1].run(authentication.connect(ends[1], theirs))
@@ -84,7 +84,7 @@ def test_another_key(ends: Ends, ours: bytes, theirs: bytes):
 
 
 def test_a_caller_without_a_key(ends: Ends):
-    """What it sends instead is no proof."""
+    """A caller that sends other bytes than the proof is refused."""
     thread, errors = outcome(lambda: ends[0].run(authentication.accept(ends[0], KEY)))
     ends[1].send(b"CONNECT me\r\n" + b"d\r\nhello\r\n" * 4)
     thread.join()
@@ -92,7 +92,7 @@ def test_a_caller_without_a_key(ends: Ends):
 
 
 def test_what_was_recorded_is_of_no_use(ends: Ends):
-    """The answer to one question does not fit the next."""
+    """A recorded proof is refused in another handshake."""
     thread, _ = outcome(lambda: ends[0].run(authentication.accept(ends[0], KEY)))
     first = bytes(ends[1].run(ends[1].take(40)))
     answer = b"12345678" + hmac.digest(KEY, first[:8] + b"12345678", "sha256")
@@ -107,14 +107,14 @@ def test_what_was_recorded_is_of_no_use(ends: Ends):
 
 
 def test_one_that_says_nothing(ends: Ends):
-    """It is waited for no longer than the stream waits."""
+    """A peer that sends nothing is an error after the timeout of the stream."""
     ends[1].limit_waiting(0.05)
     with pytest.raises(MiddlewareError):
         ends[1].run(authentication.connect(ends[1], KEY))
 
 
 def test_where_the_key_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """In a file that the resource finder finds; without file, section or key nothing is proven."""
+    """The key is found in the section AUTH of auth.conf; without it authentication is off."""
     monkeypatch.chdir(tmp_path)
     environment = {"YARP_CONFIG_HOME": str(tmp_path / "config"), "YARP_DATA_HOME": str(tmp_path / "data")}
     (tmp_path / "config").mkdir()

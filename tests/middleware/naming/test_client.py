@@ -1,4 +1,4 @@
-"""The client against servers that are slow, wrong or gone."""
+"""The client of a name server, with servers that are slow, wrong or gone."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def serving(serve: Callable[[socket.socket], None], patience: float = 10.0) -> Iterator[RemoteNames]:
-    """A client of a server that treats its one caller like this."""
+    """Yield a client of a server that handles its one caller by this function."""
     with socket.create_server(("127.0.0.1", 0)) as listening:
 
         def run() -> None:
@@ -39,7 +39,7 @@ def serving(serve: Callable[[socket.socket], None], patience: float = 10.0) -> I
 
 
 def test_no_server():
-    """The error says where none is, and how to have one."""
+    """The error about a missing server names its address, and says how to start one."""
     with socket.create_server(("127.0.0.1", 0)) as listening:
         number = listening.getsockname()[1]
     names = RemoteNames(Contact("/root", "127.0.0.1", number, "tcp"))
@@ -50,7 +50,7 @@ def test_no_server():
 
 
 def test_a_server_that_says_nothing():
-    """It is waited for as long as was said."""
+    """A silent server is an error after the client's patience."""
     gone = threading.Event()
     with serving(lambda _connection: gone.wait(10), 0.2) as names:
         started = clock.monotonic()
@@ -64,7 +64,7 @@ def test_a_server_that_says_nothing():
     "said", [b"", b"registration name /a ip", b"registration name /a ip 127.0.0.1 port 5 type tcp\r\n"]
 )
 def test_a_server_that_breaks_off(said: bytes):
-    """Half an answer is none."""
+    """An answer that is cut off raises ConnectError."""
 
     def serve(connection: socket.socket) -> None:
         connection.recv(100)
@@ -75,7 +75,7 @@ def test_a_server_that_breaks_off(said: bytes):
 
 
 def test_a_server_that_never_ends():
-    """It may not keep us for longer than was said."""
+    """An endless answer is an error after the client's patience."""
 
     def serve(connection: socket.socket) -> None:
         with suppress(OSError):  # until the client has had enough
@@ -97,7 +97,7 @@ def test_a_server_that_never_ends():
     ],
 )
 def test_a_server_that_talks_nonsense(said: bytes):
-    """What cannot be a registration is none."""
+    """An invalid registration in an answer is ignored."""
 
     def serve(connection: socket.socket) -> None:
         connection.recv(100)
@@ -108,7 +108,7 @@ def test_a_server_that_talks_nonsense(said: bytes):
 
 
 def test_answers_are_understood_liberally():
-    """Bare line feeds, other orders, further words."""
+    """Answers may have bare line feeds, another order of fields, and further words."""
 
     def serve(connection: socket.socket) -> None:
         connection.recv(100)
@@ -119,7 +119,7 @@ def test_answers_are_understood_liberally():
 
 
 def test_one_command_at_a_time():
-    """A line end inside a name cannot make two of it."""
+    """A line end in an argument is refused, so that it cannot make a second command."""
     names = RemoteNames(Contact("/root", "127.0.0.1", 1, "tcp"))
     for ask in (
         lambda: names.command("list\nNAME_SERVER unregister /a"),
@@ -132,7 +132,7 @@ def test_one_command_at_a_time():
 
 @pytest.mark.parametrize(("key", "same"), [(b"secret", True), (b"another", False)])
 def test_a_server_that_wants_a_key(key: bytes, *, same: bool):
-    """It is proven before anything is asked."""
+    """The client proves the key before its first command, and reports a server with another key."""
 
     def serve(connection: socket.socket) -> None:
         with suppress(ProtocolError):
@@ -151,7 +151,7 @@ def test_a_server_that_wants_a_key(key: bytes, *, same: bool):
 
 
 def test_the_address_that_others_shall_use(server):
-    """It is said when the port does not say another."""
+    """A client with an address registers ports with it, unless the port gives another one."""
     names = RemoteNames(server.contact, address="127.0.0.9")
     assert names.register("/a").host == "127.0.0.9"
     assert names.register("/b", host="127.0.0.8", port=5).host == "127.0.0.8"

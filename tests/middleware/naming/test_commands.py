@@ -1,4 +1,4 @@
-"""The name server's commands, in the words of a transcript of the real one; and whatever else anybody may type."""
+"""The commands of the name server, as in a transcript of YARP's server, and any other lines."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ END = "*** end of message\r\n"
 
 
 class Typed:
-    """A server without a network: what is typed is answered."""
+    """A name server without a network, which answers lines."""
 
     def __init__(self) -> None:
         self.events: list[tuple[str, str]] = []
@@ -31,23 +31,23 @@ class Typed:
         )
 
     def __call__(self, line: str, origin: str = "127.0.0.1") -> str:
-        """The answer to a line."""
+        """Return the answer to a line."""
         return self.commands.answer(Bottle.parse(line), origin).to_text()
 
 
 @pytest.fixture
 def typed() -> Typed:
-    """A server that gives numbers from 10002."""
+    """A server whose first number is 10002."""
     return Typed()
 
 
 def registration(name: str, number: int, host: str = "127.0.0.1", carrier: str = "tcp") -> str:
-    """What a registration is answered by."""
+    """Return the line that answers a registration."""
     return f"registration name {name} ip {host} port {number} type {carrier}\r\n"
 
 
 def test_transcript(typed: Typed):
-    """Everything that was tried on the real server, in order."""
+    """The commands of the transcript have the recorded answers, in order."""
     assert typed("query /root") == registration("/root", 10000) + END
     assert typed("query /nosuch") == END
     assert typed("register /t1") == registration("/t1", 10002) + END
@@ -83,7 +83,7 @@ def test_transcript(typed: Typed):
 
 
 def test_help(typed: Typed):
-    """The lines, and for machines the same as strings without the heading."""
+    """Help lists the commands, for machines as strings without the heading."""
     lines = typed("help").split("\r\n")
     assert lines[0] == "Here are some ways to use the name server:"
     assert lines[5] == "  (if you want a field set automatically, write '...')"
@@ -92,7 +92,7 @@ def test_help(typed: Typed):
 
 
 def test_lists(typed: Typed):
-    """Sorted, by whole parts, plain and for machines; the fallback's name is no string that needs quotes."""
+    """Lists are sorted and filtered by whole parts of names; machines get them as bottles."""
     for line in (
         "register /reader",
         "register /re/b",
@@ -112,7 +112,7 @@ def test_lists(typed: Typed):
 
 
 def test_names_with_carriers_and_networks(typed: Typed):
-    """The carrier that is asked for is not the one that is registered; a network picks an address."""
+    """A carrier before a name does not change the answer; a network chooses the address."""
     typed("register /t1")
     typed("set /t1 ips 127.0.0.1 10.0.0.1")
     for name in "tcp:/t1", "tcp://t1", "udp://t1":
@@ -123,7 +123,7 @@ def test_names_with_carriers_and_networks(typed: Typed):
 
 
 def test_where_ports_are(typed: Typed):
-    """A port that does not say where it is, is where it was registered from; a topic is at the server."""
+    """A port without a host is at the address of the caller, a topic at the address of the server."""
     assert typed("register /a", "10.1.2.3") == registration("/a", 10002, "10.1.2.3") + END
     assert typed("register /b tcp ... 5", "10.1.2.3") == registration("/b", 5, "10.1.2.3") + END
     assert typed("register /c udp 10.9.9.9 -1", "10.1.2.3") == registration("/c", 10003, "10.9.9.9", "udp") + END
@@ -132,7 +132,7 @@ def test_where_ports_are(typed: Typed):
 
 
 def test_types_of_ports(typed: Typed):
-    """What a port promises is noted."""
+    """The type of a registration is the property ``type`` of the port."""
     typed("register /a ... ... -1 yarp/image")
     assert typed("get /a type") == f"port /a property type = yarp/image\r\n{END}"
     typed("register /b ... ... -1 *")
@@ -140,13 +140,13 @@ def test_types_of_ports(typed: Typed):
 
 
 def test_machines_get_lines_after_changes(typed: Typed):
-    """An odd form of the real server, which is mirrored."""
+    """Changes by ``bot`` are answered with a line for each field, as by YARP's server."""
     assert typed("bot register /zz") == f"port\r\nname /zz\r\nip 127.0.0.1\r\nport_number 10002\r\ncarrier tcp\r\n{END}"
     assert typed("bot unregister /zz") == f"port\r\nerror -2 port not known\r\n{END}"
 
 
 def test_what_is_owned_goes_too(typed: Typed):
-    """The real server says a word for each that is owned."""
+    """Unregistering a port unregisters those that it owns, with a word for each, as by YARP's server."""
     for line in "register /a", "register /b", "set /a owns /b /nosuch":
         typed(line)
     assert typed("unregister /a") == f"old\r\nold\r\n{END}"
@@ -154,21 +154,21 @@ def test_what_is_owned_goes_too(typed: Typed):
 
 
 def test_relations_of_types(typed: Typed):
-    """Three words note, two ask."""
+    """``type`` with three words stores a relation, and with two words returns it."""
     assert typed("type a b c") == "[ok]\r\n"
     assert typed("type a b") == "type a b c\r\n"
     assert typed("type a x") == "[fail]\r\n"
 
 
 def test_events(typed: Typed):
-    """Anyone who listens hears of every change, but not of multicast groups."""
+    """Every registration and removal is an event, but for multicast groups."""
     for line in "register /a", "register ... mcast", "set /a owns /tmp/port/1", "unregister /a", "unregister /nosuch":
         typed(line)
     assert typed.events == [("add", "/a"), ("del", "/a")]
 
 
 def test_values_are_kept_as_they_are_written(typed: Typed):
-    """Numbers, lists, quotes: on the way back the same for machines, without quotes for people."""
+    """Machines get values as they were set, people get them without quotes and brackets."""
     typed("register /a")
     assert typed('set /a k 5 (1 2) "two words" 1.0 [ok]') == f"port /a property k = 1 2 1.0 5 ok two words\r\n{END}"
     assert typed("bot get /a k") == "(1 2) 1.0 5 ok (two words)\r\n"
@@ -178,7 +178,7 @@ def test_values_are_kept_as_they_are_written(typed: Typed):
     "line", ["register /" + "x" * 2000, 'register "/a b"', 'register "/a\\nb"', "register /a tcp 1.2.3.4 70000"]
 )
 def test_what_cannot_be_registered(typed: Typed, line: str):
-    """It is answered as if it were not known, and nothing is."""
+    """An invalid registration changes nothing, is answered with the end line, and is reported."""
     before = typed("list")
     assert typed(line) == END
     assert typed("list") == before
@@ -198,7 +198,7 @@ _WORDS = st.sampled_from([*_KNOWN.split(), "(format json)", "{1 2}"]) | st.text(
 @given(st.lists(st.lists(_WORDS, max_size=7).map(" ".join), max_size=12))
 @example(["set /a owns /a", "register /a", "set /a owns /a /b", "register /b", "set /b owns /a", "unregister /a"])
 def test_anything_is_answered(lines: list[str]):
-    """Whatever is typed: an answer that ends as answers do, in lines that only the server ends."""
+    """Any line has an answer with complete lines and at most one end line."""
     typed = Typed()
     for line in [*lines, "query /root"]:
         answer = typed(line)

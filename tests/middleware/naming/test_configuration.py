@@ -1,4 +1,4 @@
-"""Files and variables that say which name server is used, and what ports are called."""
+"""The files and variables that name the server and rename ports."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ ROOT = Contact("/root", "10.0.0.5", 10500, "tcp")
 
 @pytest.fixture
 def home(tmp_path: Path) -> dict[str, str]:
-    """An environment with a folder of configuration, which does not exist yet."""
+    """An environment whose folder of configuration does not exist yet."""
     return {"YARP_CONFIG_HOME": str(tmp_path / "yarp")}
 
 
 def write(environment: dict[str, str], name: str, text: str) -> None:
-    """Write a file of the configuration."""
+    """Write a file into the folder of configuration."""
     path = configuration.config_home(environment) / name
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text)
 
 
 class TestFolder:
-    """Where the files are."""
+    """The folder of configuration."""
 
     def test_by_three_variables(self, tmp_path: Path):
-        """YARP's own first, then the desktop's, then the user's."""
+        """The folder is that of YARP_CONFIG_HOME, XDG_CONFIG_HOME or HOME, in this order."""
         environment = {"HOME": "/h", "XDG_CONFIG_HOME": "/x", "YARP_CONFIG_HOME": "/y"}
         for variable, path in ("YARP_CONFIG_HOME", "/y"), ("XDG_CONFIG_HOME", "/x/yarp"), ("HOME", "/h/.config/yarp"):
             assert str(configuration.config_home(environment)) == path
@@ -51,10 +51,10 @@ class TestFolder:
 
 
 class TestNamespaces:
-    """Which servers there are."""
+    """The namespaces, of which each has a server."""
 
     def test_by_variable_file_or_default(self, home: dict[str, str]):
-        """The variable comes first; several may be listed."""
+        """Namespaces are those of the variable, else of the file, else /root; several may be listed."""
         assert configuration.namespaces(home) == ["/root"]
         write(home, "yarp_namespace.conf", "/icub\n")
         assert configuration.namespaces(home) == ["/icub"]
@@ -65,7 +65,7 @@ class TestNamespaces:
         assert configuration.namespaces({**home, "YARP_NAMESPACE": "/a /b"}) == ["/a", "/b"]
 
     def test_have_files(self, home: dict[str, str]):
-        """Named after them, but for the usual one."""
+        """Each namespace has a contact file with its name; that of /root is yarp.conf."""
         names = {ns: configuration.contact_file(ns, home).name for ns in ("", "/root", "/icub", "/my/robot-1")}
         assert names == {
             "": "yarp.conf",
@@ -76,10 +76,10 @@ class TestNamespaces:
 
 
 class TestContactFile:
-    """Where the server is."""
+    """The file with the address of the server."""
 
     def test_is_written_and_read(self, home: dict[str, str]):
-        """As YARP writes it; and removed."""
+        """The file has YARP's format, can be read again, and can be removed repeatedly."""
         assert configuration.read_place("", home) is None
         path = configuration.write_place(ROOT, environment=home)
         assert path.read_text() == "10.0.0.5 10500 yarp\n"
@@ -101,7 +101,7 @@ class TestContactFile:
         ],
     )
     def test_has_two_forms(self, home: dict[str, str], text: str, mode: str):
-        """A line, or a section."""
+        """The file has one line, or a section."""
         write(home, "yarp.conf", text)
         assert configuration.read_place("", home) == configuration.Place(ROOT, mode)
 
@@ -109,13 +109,13 @@ class TestContactFile:
         "text", ["here", "10.0.0.5 x", "10.0.0.5 0", "10.0.0.5 70000 yarp", "[/b]\nhost a\nport 5", "["]
     )
     def test_that_says_nothing_useful(self, home: dict[str, str], text: str):
-        """Is named, with the way to get rid of it."""
+        """An invalid file is named, with the command that removes it."""
         write(home, "yarp.conf", text)
         with pytest.raises(AddressError, match=r"yarp\.conf .*rtf conf --clean"):
             configuration.read_place("", home)
 
     def test_that_cannot_be_read_or_written(self, home: dict[str, str], tmp_path: Path):
-        """Is named, too."""
+        """A file that cannot be read, written or removed is named."""
         (tmp_path / "yarp" / "yarp.conf").mkdir(parents=True)
         with pytest.raises(MiddlewareError, match=r"yarp\.conf cannot be read"):
             configuration.read_place("", home)
@@ -129,7 +129,7 @@ class TestContactFile:
     @settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
     @given(st.binary(max_size=200) | st.text(alphabet="[]/root \nhostpem 0123456789.", max_size=60).map(str.encode))
     def test_with_anything_in_it(self, home: dict[str, str], data: bytes):
-        """Is understood, or an error of ours."""
+        """A file with any bytes is read, or raises AddressError."""
         path = configuration.contact_file("/root", home)
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)
@@ -141,10 +141,10 @@ class TestContactFile:
 
 
 class TestPorts:
-    """What ports are called."""
+    """Prefixes, new names and numbers of ports."""
 
     def test_prefix_rename_and_number(self):
-        """By variables; a renamed port has the prefix, too, and one without a name has nothing of it."""
+        """Variables set prefix, name and number; a renamed port has the prefix, too, a nameless one has not."""
         environment = {
             "YARP_PORT_PREFIX": "/lab",
             "YARP_RENAME_my_port_o": "/your/port",
@@ -157,7 +157,7 @@ class TestPorts:
 
     @pytest.mark.parametrize("number", ["x", "0", "-1", "70000", "1.5", "²"])
     def test_numbers_that_are_none(self, number: str):
-        """Are named with their variable."""
+        """The error about an invalid number names its variable."""
         with pytest.raises(AddressError, match="YARP_PORTNUMBER_a"):
             configuration.opening({"YARP_PORTNUMBER_a": number}, "/a")
         with pytest.raises(AddressError, match="YARP_PORT_RANGE"):
@@ -165,10 +165,10 @@ class TestPorts:
 
 
 class TestNetwork:
-    """The network of a process."""
+    """The network that the configuration describes."""
 
     def test_of_the_file(self, home: dict[str, str]):
-        """Where the file says, by its mode."""
+        """Names are found at the server of the contact file, or in the process with the mode ``local``."""
         with NameServer() as server:
             configuration.write_place(server.contact, environment=home)
             network = configuration.find_network({**home, "YARP_PORT_PREFIX": "/lab"})
@@ -183,14 +183,14 @@ class TestNetwork:
             configuration.find_names(home)
 
     def test_without_a_file(self, home: dict[str, str]):
-        """The standard place of this machine, or as the variable says."""
+        """Without a file the server is on this machine, at port 10000 or YARP_PORT_RANGE."""
         for environment, number in (home, 10000), ({**home, "YARP_PORT_RANGE": "23456"}, 23456):
             names = configuration.find_names(environment)
             assert isinstance(names, RemoteNames)
             assert names.contact == Contact("/root", "127.0.0.1", number, "tcp")
 
     def test_of_several_namespaces(self, home: dict[str, str]):
-        """Each has its file."""
+        """With several namespaces a name is registered at all their servers."""
         environment = {**home, "YARP_NAMESPACE": "/one /two"}
         with NameServer(namespace="/one") as one, NameServer(namespace="/two") as two:
             for server in one, two:
@@ -202,7 +202,7 @@ class TestNetwork:
             names.close()
 
     def test_by_another_address(self, home: dict[str, str]):
-        """YARP_IP picks one of this machine's."""
+        """YARP_IP chooses the address of this machine, and one that it does not have is an error."""
         with NameServer() as server:
             configuration.write_place(server.contact, environment=home)
             names = configuration.find_names({**home, "YARP_IP": "127."})
@@ -212,7 +212,7 @@ class TestNetwork:
             configuration.find_names({**home, "YARP_IP": "203.0"})
 
     def test_of_the_process(self, home: dict[str, str], monkeypatch: pytest.MonkeyPatch):
-        """It is found when it is first asked for, and may be set."""
+        """The default network is made when it is first needed, and can be set."""
         for variable in ("YARP_NAMESPACE", "YARP_IP", "YARP_PORT_PREFIX"):
             monkeypatch.delenv(variable, raising=False)
         monkeypatch.setenv("YARP_CONFIG_HOME", home["YARP_CONFIG_HOME"])

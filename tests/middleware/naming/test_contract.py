@@ -1,4 +1,4 @@
-"""What everybody who keeps names promises: one set of tests for all of them."""
+"""The contract of ``Names``: one class of tests for all implementations."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class NamesContract:
-    """Subclasses give the names."""
+    """The tests; subclasses provide the names."""
 
     @pytest.fixture
     def names(self, nothing_left: None) -> Iterator[Names]:
@@ -32,25 +32,25 @@ class NamesContract:
         raise NotImplementedError
 
     def test_a_registered_name_is_found(self, names: Names):
-        """What was registered is what is answered, field by field."""
+        """A query returns all fields of the registration."""
         there = names.register("/a", carrier="tcp", host="127.0.0.1", port=20001, promise="yarp/image")
         assert (there.name, there.host, there.port, there.carrier) == ("/a", "127.0.0.1", 20001, "tcp")
         assert names.query("/a") == there
 
     def test_what_is_left_out_is_chosen(self, names: Names):
-        """Carrier and host are filled in."""
+        """A registration without host and carrier gets this machine and tcp."""
         there = names.register("/a")
         assert (there.name, there.host, there.carrier) == ("/a", "127.0.0.1", "tcp")
 
     def test_the_nameless_get_names(self, names: Names):
-        """They differ."""
+        """Each registration without a name gets a unique one."""
         first, second = names.register(""), names.register("")
         assert first.name.startswith("/tmp/port/")
         assert second.name.startswith("/tmp/port/")
         assert first.name != second.name
 
     def test_registering_again_replaces(self, names: Names):
-        """The place is the new one, and what was noted about the old one is gone."""
+        """A second registration replaces the contact, and removes the properties."""
         names.register("/a", host="127.0.0.1", port=20001)
         names.set_property("/a", "k", ["v"])
         names.register("/a", host="127.0.0.1", port=20002)
@@ -60,7 +60,7 @@ class NamesContract:
         assert list(names.get_property("/a", "k")) == []
 
     def test_an_unregistered_name_is_forgotten(self, names: Names):
-        """So is what was noted about it; unregistering again is no error."""
+        """Unregistering removes contact and properties; repeating it is no error."""
         names.register("/a")
         names.set_property("/a", "k", ["v"])
         for _ in range(2):
@@ -69,7 +69,7 @@ class NamesContract:
         assert list(names.get_property("/a", "k")) == []
 
     def test_what_a_port_owns_goes_with_it(self, names: Names):
-        """And what that owns, too."""
+        """Unregistering a port unregisters the ports that it owns, and theirs."""
         for name in "/a", "/b", "/c":
             names.register(name)
         names.set_property("/a", "owns", ["/b"])
@@ -78,7 +78,7 @@ class NamesContract:
         assert [names.query(name) for name in ("/a", "/b", "/c")] == [None, None, None]
 
     def test_lists_by_whole_parts_of_names(self, names: Names):
-        """A prefix is a name, or the beginning of one up to a slash; the order is that of the names."""
+        """A list is sorted, and its prefix matches whole parts of names."""
         for name in "/re/b", "/reader", "/re", "/re/a":
             names.register(name)
         assert [contact.name for contact in names.list("/re")] == ["/re", "/re/a", "/re/b"]
@@ -88,7 +88,7 @@ class NamesContract:
         assert everything == sorted(everything)
 
     def test_notes_are_sets(self, names: Names):
-        """They replace each other, come back sorted and once each, and none means forgotten."""
+        """The values of a property are a sorted set that replaces the former; none removes the property."""
         names.register("/a")
         names.set_property("/a", "ips", ["127.0.0.1", "10.0.0.1", "127.0.0.1", "two words", "::1"])
         assert list(names.get_property("/a", "ips")) == ["10.0.0.1", "127.0.0.1", "::1", "two words"]
@@ -98,19 +98,19 @@ class NamesContract:
         assert list(names.get_property("/a", "ips")) == []
 
     def test_nothing_is_noted_about_strangers(self, names: Names):
-        """Nor is it an error."""
+        """Setting a property of an unknown name is ignored."""
         names.set_property("/nobody", "k", ["v"])
         assert list(names.get_property("/nobody", "k")) == []
 
     @pytest.mark.parametrize("name", ["/a b", "/a\tb", '/a"b', "/" + 1000 * "x"])
     def test_names_that_no_answer_can_hold_are_refused(self, names: Names, name: str):
-        """The error says so, and nothing is registered."""
+        """A name with blanks or quotes, or a too long one, is refused."""
         with pytest.raises(AddressError, match="no blanks"):
             names.register(name)
         assert all(contact.name != name for contact in names.list())
 
     def test_commands_are_answered_in_lines(self, names: Names):
-        """With the end line, if there is one."""
+        """``command`` returns the lines of the answer, with the end line if it has one."""
         names.register("/a", host="127.0.0.1", port=20001)
         known = "registration name /a ip 127.0.0.1 port 20001 type tcp"
         assert list(names.command("query /a")) == [known, "*** end of message"]
@@ -119,7 +119,7 @@ class NamesContract:
         assert list(names.command("subscribe")) == ["subscriptions"]
 
     def test_ports_meet_through_them(self, names: Names):
-        """A port that is opened is found by another."""
+        """A port is registered while it is open, and another port connects to it by name."""
         network = Network(names)
         got: list[str] = []
         with (
@@ -133,7 +133,7 @@ class NamesContract:
         assert names.query("/in") is None
 
     def test_a_number_that_is_taken_is_no_obstacle(self, names: Names):
-        """Somebody who never asked for it listens there: the port takes another number, and says so."""
+        """A port whose number is in use takes another one, and registers it."""
         with socket.create_server(("127.0.0.1", 0)) as squatter:
             number = squatter.getsockname()[1]
             names.register("/a", host="127.0.0.1", port=number)
@@ -143,7 +143,7 @@ class NamesContract:
 
 
 class _Insisting(LocalNames):
-    """Hands out one number first, and passes everything on."""
+    """Names that return one given number first, and else behave as the wrapped ones."""
 
     def __init__(self, names: Names, number: int) -> None:
         super().__init__()
@@ -160,7 +160,7 @@ class _Insisting(LocalNames):
 
 
 class TestLocal(NamesContract):
-    """In this process alone."""
+    """Names of this process alone."""
 
     @pytest.fixture
     def names(self) -> Names:
@@ -169,7 +169,7 @@ class TestLocal(NamesContract):
 
 
 class TestInside(NamesContract):
-    """A server, asked from within its process."""
+    """The names of a server in the same process."""
 
     @pytest.fixture
     def names(self, nothing_left: None) -> Iterator[Names]:
@@ -179,7 +179,7 @@ class TestInside(NamesContract):
 
 
 class TestRemote(NamesContract):
-    """A server, asked over the network."""
+    """The names of a server, over the network."""
 
     @pytest.fixture
     def names(self, nothing_left: None) -> Iterator[Names]:
@@ -191,7 +191,7 @@ class TestRemote(NamesContract):
 
 
 class TestSeveral(NamesContract):
-    """Two servers at once."""
+    """The names of two servers together."""
 
     @pytest.fixture
     def names(self, nothing_left: None) -> Iterator[Names]:
@@ -203,7 +203,7 @@ class TestSeveral(NamesContract):
             client.close()
 
     def test_each_of_them_knows(self, names: MultiServerNames):
-        """What one registers is the same for all, and they list their own, too."""
+        """A registration reaches all servers, lists join theirs, and a name is found if one server knows it."""
         there = names.register("/a")
         assert [one.query("/a") for one in names._all] == [there, there]
         assert [contact.name for contact in names.list("/one")] == ["/one"]
@@ -212,7 +212,7 @@ class TestSeveral(NamesContract):
         assert names.query("/a") == there, "the other one is asked"
 
     def test_one_that_is_away(self, nothing_left: None):
-        """The others still tell what they know, and forget; but no port is opened that only some would know."""
+        """Without one server, known names are found and removed at the others; new registrations fail."""
         with NameServer(namespace="/two") as two:
             with NameServer(namespace="/one") as one:
                 names = MultiServerNames([RemoteNames(server.contact, watch=60) for server in (one, two)])

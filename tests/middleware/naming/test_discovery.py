@@ -1,4 +1,4 @@
-"""Finding a server by multicast, on loopback, with the real datagrams."""
+"""Discovery of a name server by multicast datagrams on loopback."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ROOT = Contact("/root", "127.0.0.1", 10321, "tcp")
 
 @pytest.fixture
 def number() -> int:
-    """A UDP port that nobody uses."""
+    """A UDP port that is not in use."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]
@@ -29,20 +29,20 @@ def number() -> int:
 
 @pytest.fixture
 def answering(number: int) -> Iterator[Answerer]:
-    """A server's ear."""
+    """The answerer of a server."""
     answerer = Answerer(ROOT, number)
     yield answerer
     answerer.close()
 
 
 def datagram(line: bytes, counter: int = 0) -> bytes:
-    """A line as the specification wraps it."""
+    """Return a line with checksum and counter, as in the specification."""
     return zlib.crc32(line).to_bytes(4, "little") + counter.to_bytes(4, "little") + line
 
 
 @pytest.fixture
 def heard(number: int) -> Iterator[Callable[..., list[bytes]]]:
-    """Sends datagrams to the group; returns what is said there in answer, from the first until there is silence."""
+    """Return a function that sends datagrams to the group, and returns the answers until there is silence."""
     with (
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ear,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as mouth,
@@ -68,36 +68,36 @@ def heard(number: int) -> Iterator[Callable[..., list[bytes]]]:
 
 
 def test_found(answering: Answerer, number: int):
-    """Who looks finds the server, quickly."""
+    """``detect`` returns the contact of a server, before its timeout."""
     started = clock.monotonic()
     assert detect(timeout=30, port=number, addresses=["127.0.0.1"]) == ROOT
     assert clock.monotonic() - started < 10
 
 
 def test_found_on_all_interfaces(answering: Answerer, number: int):
-    """Loopback is one of them."""
+    """Without addresses ``detect`` searches all interfaces, loopback included."""
     assert detect(timeout=30, port=number) == ROOT
 
 
 def test_not_found(number: int):
-    """Nobody answers: None, when the time is up."""
+    """``detect`` returns None if no server answers within the timeout."""
     assert detect(timeout=0.2, port=number, addresses=["127.0.0.1"]) is None
 
 
 def test_another_is_not_found(answering: Answerer, number: int):
-    """Servers answer to their own name only."""
+    """A server does not answer a query for another name."""
     assert detect("/other", timeout=0.3, port=number, addresses=["127.0.0.1"]) is None
 
 
 def test_to_the_byte(answering: Answerer, heard: Callable[..., list[bytes]]):
-    """The question and the answer of the specification."""
+    """Query and answer have the bytes of the specification."""
     line = b"registration name /root ip 127.0.0.1 port 10321 type tcp\r\n*** end of message\r\n"
     assert heard(datagram(b"NAME_SERVER query /root\n")) == [datagram(line)]
     assert heard(datagram(b"NAME_SERVER query /root\r\n")) == [datagram(line)]
 
 
 def test_nothing_else_is_answered(answering: Answerer, heard: Callable[..., list[bytes]], number: int):
-    """Wrong checksums and counters, other questions, noise; and the right question still is."""
+    """Datagrams with wrong checksum, counter or command are not answered, and a valid query after them is."""
     question = datagram(b"NAME_SERVER query /root\n")
     chance = random.Random(3)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as mouth:
@@ -110,13 +110,13 @@ def test_nothing_else_is_answered(answering: Answerer, heard: Callable[..., list
 
 
 def test_no_such_interface(number: int):
-    """An address that is not this machine's cannot be listened at."""
+    """An answerer at an address of another machine raises OSError."""
     with pytest.raises(OSError):  # noqa: PT011
         Answerer(Contact("/root", "192.0.2.77", 1, "tcp"), number)
 
 
 def test_does_not_believe_nonsense(number: int):
-    """Answers that are none are passed over until a real one comes."""
+    """Invalid answers do not end the search."""
     import threading
 
     stop = threading.Event()

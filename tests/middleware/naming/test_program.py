@@ -24,7 +24,7 @@ _PROGRAM = "import sys; from rtf.cli.network.name_server import nameserver; sys.
 
 @pytest.fixture
 def start(tmp_path: Path):
-    """Starts the program; what it says can be read line by line."""
+    """Return a function that starts the program, with pipes for its output."""
     started: list[subprocess.Popen[str]] = []
 
     def run(*words: str) -> subprocess.Popen[str]:
@@ -48,7 +48,7 @@ def start(tmp_path: Path):
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
 def test_serves_until_it_is_told_to_stop(start: Callable[..., subprocess.Popen[str]], tmp_path: Path, how: int):
-    """It stores where it is, is found there, and ends well."""
+    """The program stores its address, serves names, and ends with 0 on SIGINT or SIGTERM."""
     process = start("--socket", "0", "--write", "--namespace", "/lab")
     environment = {"YARP_CONFIG_HOME": str(tmp_path / "yarp"), "YARP_NAMESPACE": "/lab"}
     assert process.stdout.readline() == f"Stored in {tmp_path / 'yarp' / '_lab.conf'}\n"
@@ -61,7 +61,7 @@ def test_serves_until_it_is_told_to_stop(start: Callable[..., subprocess.Popen[s
 
 
 def test_serves_where_the_file_says(start: Callable[..., subprocess.Popen[str]], tmp_path: Path):
-    """And keeps names in a file, also when it is killed."""
+    """With ``--read`` the program uses the stored address; ``--portdb`` keeps names across a kill."""
     words = "--socket", "0", "--write", "--silent", "--portdb", str(tmp_path / "names.db")
     first = start(*words)
     first.stdout.readline()
@@ -77,7 +77,7 @@ def test_serves_where_the_file_says(start: Callable[..., subprocess.Popen[str]],
 
 
 def test_says_what_is_wrong(start: Callable[..., subprocess.Popen[str]], server):
-    """In a line, with an exit code."""
+    """An address in use is an error of one line, with an exit code."""
     process = start("--socket", str(server.contact.port))
     out, err = process.communicate(timeout=20)
     assert (out, process.returncode) == ("", ExitCode.FAILURES)
@@ -86,7 +86,7 @@ def test_says_what_is_wrong(start: Callable[..., subprocess.Popen[str]], server)
 
 @pytest.mark.parametrize("words", [["--socket", "x"], ["--socket", "70000"], ["--socket", "-1"], ["--what"]])
 def test_options_that_are_none(words: list[str], capsys: pytest.CaptureFixture[str]):
-    """Are usage errors."""
+    """Invalid options are usage errors, with a hint to the help."""
     with pytest.raises(SystemExit) as ended:
         nameserver(words)
     assert ended.value.code == ExitCode.USAGE
@@ -94,7 +94,7 @@ def test_options_that_are_none(words: list[str], capsys: pytest.CaptureFixture[s
 
 
 def test_does_not_answer_multicast_unless_it_is_the_standard_one(start: Callable[..., subprocess.Popen[str]]):
-    """A server at another number is nobody's default."""
+    """A server at another port than the standard one opens no socket for discovery."""
     process = start("--socket", "0")
     process.stdout.readline()
     facts = Path("/proc", str(process.pid))

@@ -1,4 +1,4 @@
-"""Conversations of real programs, in both roles: their questions to our server, their answers to our client."""
+"""Recorded conversations with YARP's name server, replayed with our server and with our client."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ Segments = list[tuple[str, bytes]]
 
 
 def recorded(version: str, what: str) -> list[Segments]:
-    """The conversations of a file."""
+    """Return the conversations of a file."""
     text = (_DATA / version / f"name_server_{what}.json").read_text()
     return [[(way, said.encode("latin-1")) for way, said in segments] for segments in json.loads(text)]
 
 
 def typed(version: str) -> Iterator[list[Segments]]:
-    """The conversations of the probe: by hand, with what came back after each line."""
+    """Yield the conversations that were typed by hand, each with the answer to every line."""
     text = (_DATA / version / "name_server_probe.txt").read_text()
     for section in re.split(r"^===== .*$", text, flags=re.MULTILINE)[1:]:
         ways = [(line[:3], line[4:]) for line in section.strip().splitlines()]
@@ -43,7 +43,7 @@ def typed(version: str) -> Iterator[list[Segments]]:
 
 
 def moved(said: bytes, server: NameServer) -> bytes:
-    """Bytes of the recorded server as ours says them: it has another number, and hands out others."""
+    """Replace the recorded server's numbers by those that ours has and hands out."""
     base = Numbers.beside(server.contact.port).cursor - 2
 
     def other(match: re.Match[bytes]) -> bytes:
@@ -58,12 +58,12 @@ def moved(said: bytes, server: NameServer) -> bytes:
 
 
 class TestServer:
-    """Our server is asked what real clients asked."""
+    """Our server gets the recorded requests."""
 
     @pytest.mark.parametrize("version", _VERSIONS)
     @pytest.mark.parametrize("what", ["names", "carriers"])
     def test_answers_to_the_byte(self, server: NameServer, say: Callable[..., bytes], version: str, what: str):
-        """Every answer is the one that the real server gave."""
+        """Every answer has the recorded bytes."""
         conversations = recorded(version, what)
         assert len(conversations) == {"names": 20, "carriers": 162}[what]
         for segments in conversations:
@@ -75,7 +75,7 @@ class TestServer:
 
     @pytest.mark.parametrize("version", _VERSIONS)
     def test_answers_what_was_typed(self, server: NameServer, version: str):
-        """The same for a robot's network, by text and by lines, one question after the other on one connection."""
+        """Requests that were typed at a robot's name server, in turn on one connection, have the recorded answers."""
         sections = [section for section in typed(version) if not section[0][1].startswith(b"GET")]
         assert [len(section) for section in sections] == [28, 2]
         listed = next(said for way, said in sections[0] if way == "<" and said.startswith(b"registration"))
@@ -92,7 +92,7 @@ class TestServer:
 
 
 class Recording:
-    """A server that only knows its lines: it expects the recorded questions in their order, and gives the answers."""
+    """A server that expects the recorded requests in order, and sends the recorded answers."""
 
     def __init__(self, conversations: list[Segments]) -> None:
         self.missed: list[tuple[bytes, bytes]] = []
@@ -117,23 +117,23 @@ class Recording:
                         self.missed.append((said, heard))
 
     def close(self) -> None:
-        """Wait for the last question."""
+        """Wait until the last request has come."""
         self._thread.join(10)
         self._listening.close()
         assert not self._thread.is_alive(), "not everything was asked"
 
 
 def _comparable(line: bytes) -> bytes:
-    """A line without what is of this machine: carriers, addresses, the process."""
+    """Blank those parts of a line that depend on the machine: carriers, addresses, the process."""
     return re.sub(rb"(set \S+ (offers|accepts|ips|process)) [^\r]*\r\n", rb"\1 ...\r\n", line)
 
 
 class TestClient:
-    """Our client meets the bytes of the real server."""
+    """Our client gets the recorded answers."""
 
     @pytest.mark.parametrize("version", _VERSIONS)
     def test_asks_to_the_byte(self, version: str):
-        """It says what the name tool said, and understands what comes back."""
+        """The client sends the bytes of ``yarp name``, and decodes the answers."""
         asked = [one for one in recorded(version, "names") if one[0][1].startswith(b"NAME_SERVER")]
         server = Recording(asked)
         names = RemoteNames(server.contact, watch=60)
@@ -158,7 +158,7 @@ class TestClient:
 
     @pytest.mark.parametrize("version", _VERSIONS)
     def test_registers_a_port_to_the_byte(self, version: str):
-        """What a reader says when it opens and closes, and what a multicast sender says."""
+        """A port and a multicast sender register and unregister with the recorded bytes."""
         all_of_it = recorded(version, "carriers")
         reader = [one for one in all_of_it if re.search(rb"(register|set|announce) /rd_tcp\b", one[0][1])]
         reader.sort(key=lambda one: b"unregister" in one[0][1])

@@ -1,4 +1,4 @@
-"""Names survive a restart of their server: whoever has ports notices, and registers them again."""
+"""The registration keeper: after a restart of the name server it registers all open ports again."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _PROGRAM = "import sys; from rtf.cli.network.name_server import nameserver; sys.
 
 
 class Program:
-    """``rtf nameserver`` as a process that can be killed and started again at its place."""
+    """``rtf nameserver`` as a process that can be killed and started again at the same address."""
 
     def __init__(self, folder: Path) -> None:
         self._environment = {**os.environ, "YARP_CONFIG_HOME": str(folder)}
@@ -39,7 +39,7 @@ class Program:
         self.start()
 
     def start(self) -> None:
-        """Start it, at the place where it was before."""
+        """Start the server, at its former address."""
         words = [sys.executable, "-c", _PROGRAM, "--socket", self._number, "--no-discovery"]
         self._process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True, env=self._environment)
         assert self._process.stdout is not None
@@ -50,7 +50,7 @@ class Program:
         self.contact = Contact("/root", found[1], int(found[2]), "tcp")
 
     def kill(self) -> None:
-        """As an accident does."""
+        """Kill the server with SIGKILL."""
         self._process.send_signal(signal.SIGKILL)
         self._process.wait(10)
         assert self._process.stdout is not None
@@ -66,13 +66,13 @@ def program(nothing_left: None, tmp_path: Path) -> Iterator[Program]:
 
 
 def test_killed_and_restarted_under_load(program: Program, wait_until: Callable[..., None]):
-    """While ports open, write and close, the server is killed: everything that is open is found again, and works."""
+    """After a kill of the server, under load, all open ports are registered again and can be used."""
     names = RemoteNames(program.contact, watch=0.1)
     network = Network(names)
     stop, opened, failed = threading.Event(), [0], [0]
 
     def churn(who: int) -> None:
-        """Open and close ports all the time; that fails while there is no server."""
+        """Open and close ports in turn; opening fails while there is no server."""
         while not stop.is_set():
             try:
                 with Port(f"/churn/{who}", network=network):
@@ -118,7 +118,7 @@ def test_killed_and_restarted_under_load(program: Program, wait_until: Callable[
 
 
 def test_persistent_connections_come_back(program: Program, wait_until: Callable[..., None]):
-    """Ports are announced again, so a new server can connect them."""
+    """Ports are announced again, so that a new server makes persistent connections."""
     names = RemoteNames(program.contact, watch=0.05)
     network = Network(names)
     with Port("/reader", network=network), Port("/writer", network=network) as writer:
@@ -129,7 +129,7 @@ def test_persistent_connections_come_back(program: Program, wait_until: Callable
 
 
 def test_a_name_that_another_took_is_his(names: RemoteNames, server: NameServer, wait_until: Callable[..., None]):
-    """It is neither taken back nor looked after any more."""
+    """A name that another process has registered is neither taken back nor kept any more."""
     names.register("/a", host="127.0.0.1", port=20001)
     names.register("/b", host="127.0.0.1", port=20002)
     server.names.register("/a", host="127.0.0.1", port=30001)
@@ -140,7 +140,7 @@ def test_a_name_that_another_took_is_his(names: RemoteNames, server: NameServer,
 
 
 def test_what_was_given_up_does_not_come_back(names: RemoteNames, server: NameServer, wait_until: Callable[..., None]):
-    """However the unregistering meets the looking after."""
+    """An unregistered name stays unregistered, also if the keeper is at work meanwhile."""
     names.register("/stays", host="127.0.0.1", port=20001)
     for _ in range(100):
         names.register("/a", host="127.0.0.1", port=20002)
@@ -152,7 +152,7 @@ def test_what_was_given_up_does_not_come_back(names: RemoteNames, server: NameSe
 
 
 def test_announced_when_it_can_be_heard(nothing_left: None, wait_until: Callable[..., None]):
-    """A port that is opened while the server goes away is announced to the next one; a stranger's is an error."""
+    """An announcement that the server missed is repeated to the next one; that of an unknown port is an error."""
     with NameServer() as first:
         names = RemoteNames(first.contact, watch=0.05)
         names.register("/a", host="127.0.0.1", port=20001)
@@ -168,7 +168,7 @@ def test_announced_when_it_can_be_heard(nothing_left: None, wait_until: Callable
 
 
 def test_no_thread_without_ports(names: RemoteNames, wait_until: Callable[..., None]):
-    """It begins with the first and ends with the last; whatever other tests have left to be looked after."""
+    """The keeper's thread starts with the first port, and ends with the last."""
     others = {*threading.enumerate()}
 
     def watching() -> bool:
@@ -186,7 +186,7 @@ def test_no_thread_without_ports(names: RemoteNames, wait_until: Callable[..., N
 
 
 def test_costs_next_to_nothing(server: NameServer):
-    """A hundred ports are looked after with less than one hundredth of a processor, by client and server together."""
+    """Keeping a hundred ports takes less than 1 % of a processor, of client and server together."""
     names = RemoteNames(server.contact, watch=0.05)
     for index in range(100):
         names.register(f"/{index}", host="127.0.0.1", port=20001)
@@ -199,7 +199,7 @@ def test_costs_next_to_nothing(server: NameServer):
 
 
 def test_a_server_that_is_away_is_not_asked_often(nothing_left: None):
-    """Its ports go on, and the one question every period fails quickly."""
+    """Without a server the keeper asks once a period, at little cost."""
     with NameServer() as server:
         names = RemoteNames(server.contact, watch=0.05)
         names.register("/a", host="127.0.0.1", port=20001)

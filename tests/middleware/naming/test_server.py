@@ -1,4 +1,4 @@
-"""The name server as a port: over every carrier, towards bad callers, and what it does by itself."""
+"""The name server as a port: its carriers, bad callers, events and persistent connections."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ Say = "Callable[..., bytes]"
 
 
 def own(server: NameServer) -> bytes:
-    """The registration of the server itself."""
+    """Return the line of the server's own registration."""
     return f"registration name /root ip 127.0.0.1 port {server.contact.port} type tcp\r\n".encode()
 
 
 class TestLines:
-    """``NAME_SERVER`` and a command."""
+    """Lines that begin with ``NAME_SERVER``."""
 
     def test_several_on_one_connection(self, server: NameServer, say: Say):
-        """Every line with the prefix is answered; the others by the end alone; line ends are liked either way."""
+        """Each line is answered, one without the prefix by the end line only; both kinds of line ends are accepted."""
         asked = (
             b"NAME_SERVER query /root\nNAME_SERVER query /root\r\nquery /root\n\nNAME_SERVER\nNAME_SERVER query /root\n"
         )
@@ -51,13 +51,13 @@ class TestLines:
         assert say(server.contact, asked) == expected
 
     def test_in_pieces(self, server: NameServer, say: Say):
-        """A line may come in any number of them."""
+        """A line may arrive in any number of pieces."""
         asked = b"NAME_SERVER query /root\n"
         expected = own(server) + END
         assert say(server.contact, *(bytes([letter]) for letter in asked), size=len(expected)) == expected
 
     def test_too_long(self, server: NameServer, said: list[str], say: Say, wait_until: Callable[..., None]):
-        """Who says too much is cut off, whether the line has an end or not, and nobody else is."""
+        """A caller whose line is too long is disconnected with a report, and others are served."""
         for ending in b"", b"\n":
             line = b"NAME_SERVER set /a k " + b"x" * MAX_COMMAND + ending
             with suppress(ConnectionResetError):  # it was cut off while it spoke
@@ -67,7 +67,7 @@ class TestLines:
         assert say(server.contact, b"NAME_SERVER query /root\n") == own(server) + END
 
     def test_a_caller_that_says_nothing(self, server: NameServer, monkeypatch: pytest.MonkeyPatch):
-        """It is sent away after a while."""
+        """A silent caller is disconnected after a time."""
         monkeypatch.setattr(name_ser, "_PATIENCE", 0.05)
         with socket.create_connection((server.contact.host, server.contact.port), 10) as connection:
             connection.sendall(b"NAME_SERVER query /root\n")
@@ -77,7 +77,7 @@ class TestLines:
 
 
 class TestBinary:
-    """The tcp carrier."""
+    """Commands by the carrier tcp."""
 
     @staticmethod
     def _asked(server: NameServer, command: bytes, *messages: bytes) -> bytes:
@@ -94,12 +94,12 @@ class TestBinary:
             return heard
 
     def test_a_plain_answer_is_text(self, server: NameServer):
-        """The same bytes as in lines, and the acknowledgement."""
+        """The answer has the bytes of the answer in lines, and an acknowledgement."""
         question = bytes.fromhex("04010000 02000000 05000000 7175657279 05000000 2f726f6f74")
         assert self._asked(server, framing.command("d"), question) == own(server) + END + framing.ACK
 
     def test_an_answer_for_machines_is_a_bottle(self, server: NameServer):
-        """And so are those about subscriptions."""
+        """Answers to ``bot``, ``announce`` and ``subscribe`` are bottles."""
         asked = [encode(Bottle(words.split())) for words in ("bot query /root", "announce /root", "subscribe")]
         heard = self._asked(server, framing.command("d"), *asked)
         port = server.contact.port
@@ -114,20 +114,20 @@ class TestBinary:
             heard = heard[end + 8 :]
 
     def test_without_a_reply(self, server: NameServer):
-        """It is done, and acknowledged."""
+        """A command that wants no reply is executed and acknowledged."""
         assert self._asked(server, framing.command("D"), encode(Bottle(["register", "/a"]))) == framing.ACK
         assert server.names.query("/a") is not None
 
     def test_what_is_no_command(self, server: NameServer):
-        """Other values are answered by the end line."""
+        """A bottle that is no command is answered by the end line."""
         assert self._asked(server, framing.command("d"), encode(Bottle([5, [1.5], b"x"]))) == END + framing.ACK
 
 
 class TestText:
-    """The text carriers."""
+    """Commands by the text carriers."""
 
     def test_data_and_administration(self, server: NameServer, say: Say):
-        """Commands are data; the rest is a port's."""
+        """Data are commands of the name server, administration is that of any port."""
         asked = b"CONNACK me\r\nd\r\nquery /root\r\na\r\n[ver]\r\nd\r\nannounce /root\r\nq\r\n"
         expected = (
             b"Welcome me\r\n" + own(server) + END + b"<ACK>\r\n[ver] 1 2 3\r\n<ACK>\r\n[ok]\r\n<ACK>\r\n<ACK>\r\n"
@@ -135,18 +135,18 @@ class TestText:
         assert say(server.contact, asked, size=len(expected)) == expected
 
     def test_describes_itself(self, server: NameServer, say: Say):
-        """As every port does."""
+        """The server describes itself as any port does."""
         asked = b"CONNECT me\r\n*\r\n"
         first = f"Welcome me\r\nThis is /root at tcp://127.0.0.1:{server.contact.port}/\r\n".encode()
         assert say(server.contact, asked, size=len(first)).startswith(first)
 
 
 class TestOrigin:
-    """Ports are where they are registered from."""
+    """The default address of a port."""
 
     @pytest.mark.parametrize("asked", [b"NAME_SERVER register /a\n", b"CONNECT x\r\nd\r\nregister /a\r\n"])
     def test_the_address_of_the_caller(self, server: NameServer, asked: bytes, wait_until: Callable[..., None]):
-        """By whatever carrier."""
+        """A port registered without a host is at the address of the caller, by every carrier."""
         with socket.create_connection(
             (server.contact.host, server.contact.port), 10, source_address=("127.0.0.7", 0)
         ) as caller:
@@ -156,10 +156,10 @@ class TestOrigin:
 
 
 class TestAddress:
-    """Where a server is."""
+    """The address of a server."""
 
     def test_is_one_servers(self, server: NameServer):
-        """A second one says what is the matter."""
+        """A second server at an address is an error that says how to find the first."""
         with pytest.raises(
             ConnectError, match=r"cannot listen on 127\.0\.0\.1:\d+: Address already in use; .*rtf where"
         ):
@@ -167,17 +167,17 @@ class TestAddress:
 
     @pytest.mark.parametrize("host", ["0.0.0.0", "::", ""])
     def test_is_one_that_ports_can_be_told(self, host: str):
-        """Not all of them."""
+        """An address that stands for all interfaces is refused."""
         with pytest.raises(AddressError, match="give an address of this machine"):
             NameServer(host)
 
     def test_of_somebody_else(self):
-        """Is none."""
+        """An address of another machine is refused."""
         with pytest.raises(ConnectError, match=r"192\.0\.2\.77"):
             NameServer("192.0.2.77")
 
     def test_is_free_again_at_once(self, server: NameServer):
-        """Also when callers were connected."""
+        """The address of a closed server is free at once, also if callers were connected."""
         with NameServer() as first, socket.create_connection((first.contact.host, first.contact.port)) as caller:
             caller.sendall(b"NAME_SERVER list\n")
             assert caller.recv(1)
@@ -186,17 +186,17 @@ class TestAddress:
                 assert second.contact == first.contact
 
     def test_registers_itself(self, server: NameServer):
-        """And the group where it could be asked."""
+        """The server registers itself, and the group of discovery."""
         assert server.names.query("/root") == server.contact
         assert list(server.names.get_property("/root", "nameserver")) == ["true"]
         assert server.names.query("fallback") == Contact("fallback", "224.2.1.1", 10000, "mcast")
 
 
 class TestBadCallers:
-    """They cost little, and nobody else notices."""
+    """Bad callers cost little, and do not affect others."""
 
     def test_many_that_say_nothing(self, server: NameServer, say: Say, monkeypatch: pytest.MonkeyPatch):
-        """The oldest are sent away, and the server answers."""
+        """With too many silent callers the oldest are disconnected, and the server answers."""
         monkeypatch.setattr(module, "MAX_CALLERS", 20)
         with ExitStack() as stack:
             callers = [
@@ -208,7 +208,7 @@ class TestBadCallers:
                 assert caller.recv(1) == b""
 
     def test_many_names(self, server: NameServer, say: Say):
-        """A flood of registrations on one connection is answered, and takes a bounded time each."""
+        """A flood of registrations on one connection is answered in full."""
         count = 2000
         asked = b"".join(b"NAME_SERVER register /%d\n" % index for index in range(count))
         assert say(server.contact, asked).count(END) == count
@@ -217,7 +217,7 @@ class TestBadCallers:
     def test_one_that_does_not_listen(
         self, server: NameServer, said: list[str], say: Say, wait_until: Callable[..., None], monkeypatch
     ):
-        """It asks and asks, and takes no answer: it is cut off, and nobody waits for it meanwhile."""
+        """A caller that reads no answers is disconnected with a report; others are served meanwhile."""
         monkeypatch.setattr(name_ser, "_PATIENCE", 0.2)
         for index in range(300):
             server.names.register(f"/{index}", host="127.0.0.1", port=20001)
@@ -232,7 +232,7 @@ class TestBadCallers:
 
     @pytest.mark.fuzz
     def test_random_bytes(self, server: NameServer, say: Say):
-        """Beginnings of every kind, and garbage after them: the server answers the next one."""
+        """After any garbage the server answers the next request, and its memory does not grow."""
         chance = random.Random(7)
         starts = [
             b"NAME_SER",
@@ -263,12 +263,12 @@ class TestBadCallers:
     @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
     @given(st.lists(st.binary(max_size=60).map(lambda data: b"NAME_SERVER " + data + b"\n"), min_size=1, max_size=5))
     def test_random_lines(self, server: NameServer, say: Say, lines: list[bytes]):
-        """Every one of them is answered."""
+        """Every line is answered."""
         heard = say(server.contact, *lines)
         assert heard.endswith(b"\r\n")
 
     def test_one_that_is_gone_before_the_answer(self, server: NameServer, say: Say):
-        """With a reset, as many tools do."""
+        """A caller that resets its connection does not affect the next one."""
         for _ in range(20):
             caller = socket.create_connection((server.contact.host, server.contact.port), 10)
             caller.sendall(b"NAME_SERVER list\n")
@@ -281,7 +281,7 @@ class TestByItself:
     """Events, and persistent connections."""
 
     def test_tells_who_comes_and_goes(self, server: NameServer, names: RemoteNames, wait_until: Callable[..., None]):
-        """Anyone who is connected to its port."""
+        """The server sends registrations and removals to the readers of its port."""
         network, heard = Network(names), []
         with Port("/listener", lambda delivery: heard.append(delivery.read().to_text()), network=network):
             remote.connect(network, Contact("/root"), Contact("/listener"))
@@ -294,7 +294,7 @@ class TestByItself:
     def test_connects_ports_whenever_both_are_there(
         self, server: NameServer, names: RemoteNames, wait_until: Callable[..., None]
     ):
-        """In either order, after the reader came back, after the writer came back; and by the carrier that was said."""
+        """A subscription connects its ports, by its carrier, each time both are open."""
         network = Network(names)
         names.command('subscribe "/writer" "fast_tcp://reader"')
 
@@ -315,7 +315,7 @@ class TestByItself:
     def test_says_what_cannot_be_connected(
         self, server: NameServer, names: RemoteNames, said: list[str], wait_until: Callable[..., None]
     ):
-        """A port that is registered but not there."""
+        """A subscription of a port that does not answer is reported."""
         names.command("register /dead tcp 127.0.0.1 1")
         names.command("register /b tcp 127.0.0.1 2")
         for name in "/dead", "/b":
@@ -325,7 +325,7 @@ class TestByItself:
         assert "Cannot connect to /dead" in said[0]
 
     def test_a_reader_that_hangs_holds_nobody_up(self, server: NameServer, names: RemoteNames):
-        """Events are told beside the answering."""
+        """A reader of the events that hangs does not delay answers."""
         with socket.create_server(("127.0.0.1", 0)) as deaf:
             names.command(f"register /deaf tcp 127.0.0.1 {deaf.getsockname()[1]}")
             names.command("announce /deaf")
@@ -348,7 +348,7 @@ class TestByItself:
 
 
 def test_survives_in_a_file(tmp_path, say: Say):
-    """A server of another name finds what was registered, and itself as the only server."""
+    """With ``portdb`` another server knows the registered ports, and itself as the only server."""
     with NameServer(portdb=tmp_path / "names.db") as first:
         first.names.command("register /a")
         there = first.names.query("/a")
@@ -359,7 +359,7 @@ def test_survives_in_a_file(tmp_path, say: Say):
 
 
 def test_a_server_answers_though_another_one_had_its_descriptor(network: Network):
-    """A name server that was closed leaves nothing that keeps the next one, or any port, from being called."""
+    """A server answers although a closed one had the same descriptor."""
     with Port("/keeps/the/listener", network=network):
         for _ in range(3):
             with NameServer() as server:

@@ -1,4 +1,4 @@
-"""Persistent connections: when they are made and undone."""
+"""Persistent connections: when they are made and removed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Hub:
-    """A table with subscriptions, and what they wanted to have connected."""
+    """A table with subscriptions, and the connections that they requested."""
 
     def __init__(self, table: Table | None = None) -> None:
         self.table = table or Table(Numbers(1, 99))
@@ -26,30 +26,30 @@ class Hub:
         self.subscriptions.connect = lambda *command: self.wanted.append(command)
 
     def come(self, *names: str, carrier: str = "tcp") -> None:
-        """Ports register and are announced."""
+        """Register ports, and announce them."""
         for name in names:
             self.table.register(name, carrier, "127.0.0.1", 0)
             self.subscriptions.came(name)
 
     def go(self, name: str) -> None:
-        """A port is unregistered."""
+        """Unregister a port."""
         self.subscriptions.went(name)
         self.table.unregister(name)
 
     def settings(self) -> list[tuple[str, str, bool]]:
-        """What was wanted since this was asked last."""
+        """Return the requests since the last call."""
         wanted, self.wanted = self.wanted, []
         return wanted
 
 
 @pytest.fixture
 def hub() -> Hub:
-    """Nobody is there yet."""
+    """A hub without ports."""
     return Hub()
 
 
 def test_connected_when_both_are_there(hub: Hub):
-    """In whichever order they come, and again after either came back."""
+    """Ports are connected whenever both are present, in any order and after each return."""
     assert hub.subscriptions.subscribe("/a", "fast_tcp://b")
     hub.come("/a")
     assert hub.settings() == []
@@ -65,7 +65,7 @@ def test_connected_when_both_are_there(hub: Hub):
 
 
 def test_connected_at_once(hub: Hub):
-    """When both are there already."""
+    """Subscribing connects ports that are present, and unsubscribing ends the subscription."""
     hub.come("/a", "/b")
     hub.subscriptions.subscribe("/a", "/b")
     assert hub.settings() == [("/a", "/b", True)]
@@ -75,7 +75,7 @@ def test_connected_at_once(hub: Hub):
 
 
 def test_only_ports_that_listen(hub: Hub):
-    """A name that is registered by hand, or announced but not registered, is no port to connect."""
+    """A name is connected only if it is registered and announced."""
     hub.subscriptions.subscribe("/a", "/b")
     hub.come("/a")
     hub.table.register("/b", "tcp", "127.0.0.1", 5)
@@ -89,7 +89,7 @@ def test_only_ports_that_listen(hub: Hub):
     ("mode", "goes", "left"), [("from", "/a", 1), ("from", "/b", 2), ("to", "/a", 2), ("to", "/b", 1)]
 )
 def test_modes(hub: Hub, mode: str, goes: str, left: int):
-    """With a mode it ends with one of its ports."""
+    """A subscription with mode ``from`` ends with its source, one with ``to`` with its target."""
     hub.subscriptions.subscribe("/a", "/b", mode)
     assert hub.subscriptions.listed().to_text().endswith(f"(mode {mode}))")
     hub.come("/a", "/b")
@@ -98,7 +98,7 @@ def test_modes(hub: Hub, mode: str, goes: str, left: int):
 
 
 def test_listed(hub: Hub):
-    """In order, all or those of one port."""
+    """Subscriptions are listed in order, all or those of one port."""
     hub.subscriptions.subscribe("/x", "udp://b")
     hub.subscriptions.subscribe("/a", "/b")
     hub.subscriptions.subscribe("topic:/t", "/c")
@@ -133,7 +133,7 @@ def test_topics(hub: Hub):
 
 
 def test_a_port_that_was_just_announced_is_believed(hub: Hub, monkeypatch: pytest.MonkeyPatch):
-    """Somebody who cannot reach it is not; later he is."""
+    """A report that a port is silent is ignored shortly after its announcement, and believed later."""
     hub.subscriptions.subscribe("/a", "/b")
     hub.come("/a")
     hub.subscriptions.silent("/a")
@@ -146,7 +146,7 @@ def test_a_port_that_was_just_announced_is_believed(hub: Hub, monkeypatch: pytes
 
 
 def test_bounded(hub: Hub, monkeypatch: pytest.MonkeyPatch):
-    """Too many are refused; replacing one that is there is not more."""
+    """Subscriptions, topics and types have a greatest number; replacing one is always possible."""
     monkeypatch.setattr(module, "MAX_SUBSCRIPTIONS", 2)
     assert hub.subscriptions.subscribe("/a", "/1")
     assert hub.subscriptions.subscribe("/a", "/2")
@@ -162,7 +162,7 @@ def test_bounded(hub: Hub, monkeypatch: pytest.MonkeyPatch):
 
 
 def test_survive_in_a_file(tmp_path: Path):
-    """Connections, topics and types; and ports that were there are believed to be."""
+    """Subscriptions, topics and types survive a restart; ports that were present count as present."""
     first = Hub(Table(Numbers(1, 99), Database(tmp_path / "names.db")))
     first.subscriptions.subscribe("/a", "udp://b", "to")
     first.subscriptions.subscribe("/a", "topic:/t")

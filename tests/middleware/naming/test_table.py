@@ -1,4 +1,4 @@
-"""The table of names: its bounds, and that it survives in a file."""
+"""The table of names: its limits, and its file."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from rtf.middleware.wire.contact import Contact
 
 
 def port(table: Table, name: str, number: int = 0) -> int:
-    """Register a port of this machine; returns its number."""
+    """Register a port of this machine, and return its number."""
     return table.register(name, "tcp", "127.0.0.1", number).port
 
 
 class TestBounds:
-    """Anybody may register, so nothing grows for ever."""
+    """Limits, because anybody may register."""
 
     def test_ports(self, monkeypatch: pytest.MonkeyPatch):
-        """Beyond the limit only those that are known can register again."""
+        """Beyond MAX_PORTS only known names can register again."""
         monkeypatch.setattr(module, "MAX_PORTS", 3)
         table = Table()
         for name in "/a", "/b", "/c", "/a":
@@ -38,7 +38,7 @@ class TestBounds:
         assert [contact.name for contact in table.list()] == ["/a", "/b", "/c"]
 
     def test_notes(self, monkeypatch: pytest.MonkeyPatch):
-        """What is too much leaves what was noted before; what is forgotten makes room."""
+        """Properties have a total size; a refused value changes nothing, and removing values makes room."""
         monkeypatch.setattr(module, "MAX_NOTED", 100)
         table = Table()
         port(table, "/a")
@@ -55,7 +55,7 @@ class TestBounds:
         assert table.set("/b", "k", ["x" * 99])
 
     def test_one_note(self):
-        """No value is a novel."""
+        """A single value has a greatest size."""
         table = Table()
         port(table, "/a")
         with pytest.raises(AddressError):
@@ -63,18 +63,18 @@ class TestBounds:
 
     @pytest.mark.parametrize("number", [-1, 65536, 2**31])
     def test_numbers(self, number: int):
-        """No port has them."""
+        """A number that no port can have is refused."""
         with pytest.raises(AddressError, match="65535"):
             port(Table(), "/a", number)
 
     @pytest.mark.parametrize("host", ["no host", "a..b", "x" * 64, ".a", "é", "10.0.0.1:5", "[::1]", "a\n"])
     def test_hosts(self, host: str):
-        """No machine is called so, and anyone who connected to it would get strange errors."""
+        """An invalid host name is refused."""
         with pytest.raises(AddressError, match="is not a host"):
             Table().register("/a", "tcp", host, 5)
 
     def test_a_refused_name_changes_nothing(self):
-        """Nothing of what was allocated for it stays allocated."""
+        """A refused registration allocates no number."""
         table = Table(Numbers(1, 9))
         with pytest.raises(AddressError):
             table.register("/a", "tcp", "no host", 0)
@@ -83,29 +83,29 @@ class TestBounds:
 
 
 class TestNames:
-    """Names that are made."""
+    """Names that the server makes."""
 
     def test_of_nested_ones(self):
-        """A name that begins with = gets a rooted one in front."""
+        """A name that begins with = gets a temporary name before it."""
         table = Table()
         assert table.register("=/topic", "tcp", "127.0.0.1", 1).name == "/tmp/port/1=/topic"
 
     def test_are_nobody_elses(self):
-        """One that somebody chose is passed over."""
+        """A temporary name that is registered already is skipped."""
         table = Table()
         port(table, "/tmp/port/1", 5)
         assert table.register("", "tcp", "127.0.0.1", 1).name == "/tmp/port/2"
         assert table.query("/tmp/port/1").port == 5
 
     def test_are_used_again(self):
-        """When their port is gone."""
+        """A temporary name is used again after its port is unregistered."""
         table = Table()
         table.register("...", "tcp", "127.0.0.1", 1)
         table.unregister("/tmp/port/1")
         assert table.register("...", "tcp", "127.0.0.1", 1).name == "/tmp/port/1"
 
     def test_multicast_groups(self):
-        """They are handed out, and come back."""
+        """Each multicast port gets a group, which is free again after the port is unregistered."""
         table = Table(Numbers(1, 99))
         first, second = (table.register("", "mcast", "", 0) for _ in range(2))
         assert [first.host, second.host] == ["224.1.1.3", "224.1.1.4"]
@@ -113,7 +113,7 @@ class TestNames:
         assert table.register("", "mcast", "", 0).host == "224.1.1.3"
 
     def test_by_network(self):
-        """An address that begins as it was asked for, if the port has one."""
+        """A query with a network returns the port's address in it, or its usual one."""
         table = Table()
         port(table, "/a", 7)
         table.set("/a", "ips", ["127.0.0.1", "10.0.0.5", "192.168.1.4"])
@@ -123,10 +123,10 @@ class TestNames:
 
 
 class TestFile:
-    """A server that comes back finds everything in its file."""
+    """The file with all names, from which a restarted server reads them."""
 
     def test_everything_is_there(self, tmp_path: Path):
-        """Ports, notes, numbers and names; also when the first server did not take its leave."""
+        """Ports, properties, numbers and temporary names survive, also without an orderly end."""
         path = tmp_path / "names.db"
         first = Table(Numbers(1, 99), Database(path))
         assert [port(first, name) for name in ("/a", "/b", "/gone")] == [1, 2, 3]
@@ -146,7 +146,7 @@ class TestFile:
         second.store.close()
 
     def test_belongs_to_one_server(self, tmp_path: Path):
-        """The second one says which file, and what to do."""
+        """A second server with the same file is an error with a hint."""
         first = Database(tmp_path / "names.db")
         first.put("port", "/a", {})
         with pytest.raises(MiddlewareError, match=r"names\.db .*move it out of the way"):
@@ -154,7 +154,7 @@ class TestFile:
         first.close()
 
     def test_that_is_none(self, tmp_path: Path):
-        """Garbage is refused."""
+        """A file that is no database, and one in a missing folder, are refused."""
         (tmp_path / "names.db").write_bytes(b"garbage" * 1000)
         with pytest.raises(MiddlewareError, match=r"names\.db"):
             Database(tmp_path / "names.db")
@@ -162,7 +162,7 @@ class TestFile:
             Database(tmp_path / "missing" / "names.db")
 
     def test_with_broken_values(self, tmp_path: Path):
-        """What is no JSON is refused, too."""
+        """A database with invalid JSON is refused."""
         Database(tmp_path / "names.db").close()
         with sqlite3.connect(tmp_path / "names.db") as connection:
             connection.execute("INSERT INTO names VALUES ('port', '/a', '{')")
@@ -173,7 +173,7 @@ class TestFile:
         store.close()
 
     def test_that_cannot_be_written(self, tmp_path: Path):
-        """Is heard of: anyone who asked is not told that all is well."""
+        """A command whose change cannot be stored raises an error instead of returning an answer."""
         store = Database(tmp_path / "names.db")
         table = Table(Numbers(1, 99), store)
         commands = Commands(table, Subscriptions(table), Contact("/root", "127.0.0.1", 1, "tcp"))
@@ -185,7 +185,7 @@ class TestFile:
 
 
 def test_from_any_thread():
-    """Eight threads register and unregister at once: no number is given twice, and nothing is left."""
+    """Threads may register and unregister at the same time: numbers stay unique, and counts right."""
     table = Table(Numbers(1, 9999))
     taken: list[int] = []
 

@@ -1,4 +1,4 @@
-"""Work beside answering: in order, replaced by what is newer, bounded, and ended."""
+"""The work queue: tasks run in order in a thread, a newer task replaces one of its key, and the number is limited."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rtf.middleware.naming.work_queue import WorkQueue
 
 @pytest.fixture
 def errands(nothing_left: None):
-    """Nothing to do yet; errors are a failure of the test."""
+    """An empty queue; an error in a task fails the test."""
     failures: list[Exception] = []
     made = WorkQueue("errands", failures.append)
     yield made
@@ -23,7 +23,7 @@ def errands(nothing_left: None):
 
 
 class Gate:
-    """Holds the thread up until it is opened."""
+    """A task that blocks the queue's thread until it is opened."""
 
     def __init__(self, errands: WorkQueue) -> None:
         self.reached, self.open = threading.Event(), threading.Event()
@@ -36,14 +36,14 @@ class Gate:
 
 
 def finish(errands: WorkQueue) -> None:
-    """Wait until all that was put is done."""
+    """Wait until all tasks are done."""
     done = threading.Event()
     errands.put("done", done.set)
     assert done.wait(10)
 
 
 def test_in_order_and_the_newest_of_a_kind(errands: WorkQueue):
-    """What waits is replaced by what has its key, and comes last then."""
+    """A waiting task is replaced by one of the same key, which takes the last place."""
     done: list[str] = []
     gate = Gate(errands)
     for key, text in ("a", "a1"), ("b", "b1"), ("a", "a2"), ("c", "c1"):
@@ -55,7 +55,7 @@ def test_in_order_and_the_newest_of_a_kind(errands: WorkQueue):
 
 
 def test_bounded(errands: WorkQueue, monkeypatch: pytest.MonkeyPatch):
-    """The oldest are not done."""
+    """Beyond MAX_WAITING the oldest tasks are dropped."""
     monkeypatch.setattr(module, "MAX_WAITING", 3)
     done: list[int] = []
     gate = Gate(errands)
@@ -69,7 +69,7 @@ def test_bounded(errands: WorkQueue, monkeypatch: pytest.MonkeyPatch):
 
 
 def test_an_error_is_told_and_the_next_is_done():
-    """Errors of ours only: others are bugs and should be heard of."""
+    """An RtfError of a task is handed to the callback, and the next task runs."""
     failures: list[Exception] = []
     errands = WorkQueue("errands", failures.append)
 
@@ -83,7 +83,7 @@ def test_an_error_is_told_and_the_next_is_done():
 
 
 def test_a_bug_is_heard_of_and_the_next_is_done(monkeypatch: pytest.MonkeyPatch):
-    """It ends the thread as bugs do, but not the errands."""
+    """Any other exception reaches threading.excepthook, and the next task runs in a new thread."""
     heard: list[type[BaseException]] = []
     ended = threading.Event()
 
@@ -101,7 +101,7 @@ def test_a_bug_is_heard_of_and_the_next_is_done(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_nothing_after_the_end():
-    """What waits is not done, and there is no thread."""
+    """After closing, waiting and new tasks are not run, and closing again is possible."""
     done: list[int] = []
     errands = WorkQueue("errands", print)
     gate = Gate(errands)
@@ -116,7 +116,7 @@ def test_nothing_after_the_end():
 
 
 def test_no_thread_for_nothing():
-    """It begins with the first errand."""
+    """The thread starts with the first task."""
     before = threading.active_count()
     WorkQueue("errands", print).close()
     errands = WorkQueue("errands", print)
