@@ -27,12 +27,12 @@ class TestLists:
 
     @pytest.mark.parametrize("word", ["tester", "10.0.0.256", "10.0.0.7/24", "10.0.0.0/33", ""])
     def test_what_is_no_peer(self, word: str) -> None:
-        """Neither a name nor an address is an error, never a list that allows more than was meant."""
+        """A word that is neither a name nor an address is an error, so that a slip cannot allow more than was meant."""
         with pytest.raises(AddressError, match="no peer"):
             Access.parse([word])
 
     def test_empty_list_allows_everyone(self) -> None:
-        """As YARP does."""
+        """An empty list allows every peer, as in YARP."""
         assert Access.parse([]).allows("/anyone", None)
 
     @given(st.text(), st.lists(st.sampled_from(["/tester/*", "10.0.0.0/24"]), min_size=1))
@@ -42,7 +42,7 @@ class TestLists:
 
     @pytest.mark.parametrize(("word", "allowed"), [("127.0.0.0/8", True), ("127.0.0.1", True), ("10.0.0.0/8", False)])
     def test_addresses(self, word: str, allowed: bool) -> None:
-        """The address of the connection counts."""
+        """A list of addresses is compared with the address of the connection."""
         with (
             socket.create_server(("127.0.0.1", 0)) as listening,
             socket.create_connection(listening.getsockname()) as one,
@@ -54,7 +54,7 @@ class TestWriters:
     """Messages to a guarded port."""
 
     def test_unlisted_writer_is_cut_off(self, network: Network, said: list[str]) -> None:
-        """Its message does not reach the owner, which reports it; a listed writer goes on."""
+        """A message of an unlisted writer does not reach the owner, and is reported; listed writers go on."""
         network.writers = Access.parse(["/tester/*"])
         received: list[Bottle] = []
         with (
@@ -71,7 +71,7 @@ class TestWriters:
 
     @pytest.mark.parametrize("carrier", ["udp", "text_ack", "fast_tcp", "unix_stream"])
     def test_other_carriers(self, network: Network, said: list[str], carrier: str) -> None:
-        """The list holds for all of them."""
+        """The list applies to every carrier."""
         network.writers = Access.parse(["10.0.0.7"])
         received: list[Bottle] = []
         with (
@@ -97,7 +97,7 @@ class TestAdministrators:
     """Commands that change connections."""
 
     def test_only_questions_are_answered(self, network: Network) -> None:
-        """Questions and the connections themselves go on; changes are refused by admin and by text commands."""
+        """An unlisted peer may ask and connect, but not change connections by admin or text commands."""
         network.admins = Access.parse(["10.0.0.7"])
         a, b = Contact("/a"), Contact("/b")
         with Port("/a", network=network) as source, Port("/b", lambda _: None, network=network):
@@ -114,7 +114,7 @@ class TestAdministrators:
             assert source.outputs[0].dialect is network.dialect
 
     def test_sender_of_datagrams_ends_its_own_connection(self, network: Network) -> None:
-        """It has no other way than such a command."""
+        """An unlisted sender of datagrams may end its own connection by a text command."""
         network.admins = Access.parse(["10.0.0.7"])
         with Port("/a", network=network) as source, Port("/b", lambda _: None, network=network) as target:
             source.add_output("/b", "udp")

@@ -1,4 +1,4 @@
-"""Administration of a port: each request of the protocol and what is answered, to the letter, by text and in binary."""
+"""Administration of a port: the exact reply to each request of the protocol, by text and in binary."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _WAY = ("text_ack", "tcp")
 
 
 def ask(port: Port, request: str, way: str) -> Bottle:
-    """Put a question to a port as programs do that are no ports themselves."""
+    """Send a request to a port, as a program without a port does."""
     network = port.network
     if way == "text_ack":
         return remote.administer(network, port.contact, Bottle.parse(request))
@@ -49,7 +49,7 @@ def ask(port: Port, request: str, way: str) -> Bottle:
 
 
 def said_to(port: Port, *lines: str, header: str = "CONNACK tester") -> list[str]:
-    """What a person reads who types these lines."""
+    """Return the lines with which the port answers these lines."""
     with socket.create_connection((port.contact.host, port.contact.port), 10) as connection:
         connection.sendall("".join(f"{line}\r\n" for line in (header, *lines, "q")).encode())
         heard = b""
@@ -60,86 +60,86 @@ def said_to(port: Port, *lines: str, header: str = "CONNACK tester") -> list[str
 
 @pytest.fixture(params=_WAY)
 def way(request: pytest.FixtureRequest) -> str:
-    """The carrier by which is asked."""
+    """The carrier of the request."""
     return str(request.param)
 
 
 @pytest.fixture
 def port(network: Network) -> Iterator[Port]:
-    """The port that is asked."""
+    """The port under test."""
     with Port("/port", network=network) as made:
         yield made
 
 
 @pytest.fixture
 def reader(network: Network) -> Iterator[BufferedPort[Bottle]]:
-    """A port that can be sent to."""
+    """A port with inputs."""
     with BufferedPort("/reader", network=network) as made:
         yield made
 
 
 @contextmanager
 def sending(network: Network, target: str, carrier: str = "tcp") -> Iterator[Port]:
-    """A port that sends to another."""
+    """Yield a port with an output to the target."""
     with Port("/writer", network=network) as writer:
         writer.add_output(target, carrier)
         yield writer
 
 
 class TestWords:
-    """What is asked, by vocab or by word, and what is not understood."""
+    """The words of requests: vocabs, strings, and unknown ones."""
 
     @pytest.mark.parametrize("word", ["[ver]", "ver", '"ver"', "version"])
     def test_version(self, port: Port, way: str, word: str):
-        """A constant. Of a word its first four letters count, so a longer one is another."""
+        """The version is a constant; a word counts by its first four letters, so a longer one is unknown."""
         wanted = "[ver] 1 2 3" if "version" not in word else '[fail] "send [help] for list of valid commands"'
         assert ask(port, word, way).to_text() == wanted
 
     @pytest.mark.parametrize("request_", ["[nope]", "nonsense 1 2", "", "5", "(ver)"])
     def test_anything_else(self, port: Port, way: str, request_: str):
-        """Is refused with a hint."""
+        """An unknown request is refused with a hint."""
         assert ask(port, request_, way).to_text() == '[fail] "send [help] for list of valid commands"'
 
     def test_help(self, port: Port, way: str):
-        """A line for each command, behind the vocab ``many``."""
+        """Help has a line for each command after the vocab ``many``."""
         reply = ask(port, "[help]", way)
         assert Bottle([reply[0]]).to_text() == "[many]"
         words = {str(line).split("]")[0][1:] for line in [*reply][1:]}
         assert words == {"help", "ver", "add", "del", "list", "set", "get", "prop"}
 
     def test_words_of_four_letters_are_enough(self, port: Port, way: str):
-        """``property`` is ``prop``."""
+        """``property`` is understood as ``prop``."""
         assert ask(port, "property get nothing", way) == Bottle()
 
 
 class TestAdd:
-    """``[add]``: the status says what the text says."""
+    """``[add]``: adding an output; the reply has a status and a text."""
 
     def test_a_name(self, port: Port, reader: Port, way: str):
-        """Connects, by tcp."""
+        """A name is connected by tcp."""
         assert ask(port, "[add] /reader", way) == Bottle([0, "Added connection from /port to /reader\r\n"])
         assert [(output.peer, output.carrier) for output in port.outputs] == [("/reader", "tcp")]
 
     @pytest.mark.parametrize("contact", ["fast_tcp:/reader", "fast_tcp://reader"])
     def test_a_contact(self, port: Port, reader: Port, way: str, contact: str):
-        """The reply quotes what was asked for."""
+        """A contact is connected by its carrier, and the reply has it as it was asked."""
         assert ask(port, f'[add] "{contact}"', way) == Bottle([0, f"Added connection from /port to {contact}\r\n"])
         assert [(output.peer, output.carrier) for output in port.outputs] == [("/reader", "fast_tcp")]
 
     def test_a_carrier_of_its_own(self, port: Port, reader: Port, way: str):
-        """It comes in front of the contact, slash and all."""
+        """A carrier after the name is used, and the reply has it before the name."""
         reply = ask(port, "[add] /reader fast_tcp", way)
         assert reply == Bottle([0, "Added connection from /port to fast_tcp://reader\r\n"])
         assert [output.carrier for output in port.outputs] == ["fast_tcp"]
 
     def test_an_address(self, port: Port, reader: Port, way: str):
-        """Nobody is asked for the name then."""
+        """An address is connected without a look-up of the name."""
         address = reader.contact.by("tcp")
         reply = ask(port, f'[add] "{address}reader"', way)
         assert reply == Bottle([0, f"Added connection from /port to {address}reader\r\n"])
 
     def test_again(self, port: Port, reader: Port, way: str):
-        """The same port is connected anew, whatever the carrier: there is one connection."""
+        """A second connection to the same port replaces the first, also by another carrier."""
         for carrier in ("tcp", "tcp", "fast_tcp", "udp"):
             reply = ask(port, f"[add] /reader {carrier}", way)
             assert reply == Bottle([0, f"Added connection from /port to {carrier}://reader\r\n"])
@@ -147,7 +147,7 @@ class TestAdd:
         eventually(lambda: [one.carrier for one in reader.inputs] == ["udp"], "older inputs are left")
 
     def test_nobody_there(self, port: Port, network: Network, said: list[str], way: str):
-        """Not registered, or registered and gone; why is told at the port's own side."""
+        """A port that is unknown or gone gives an error, whose cause the asked port reports."""
         assert ask(port, "[add] /nosuch", way) == Bottle([-1, "Do not know how to connect to /nosuch\r\n"])
         with socket.create_server(("127.0.0.1", 0)) as listening:
             number = listening.getsockname()[1]
@@ -157,14 +157,14 @@ class TestAdd:
 
     @pytest.mark.parametrize("wrong", ["[add]", "[add] reader", "[add] 5", "[add] /reader nocarrier"])
     def test_what_is_no_port(self, port: Port, reader: Port, way: str, wrong: str):
-        """Is refused with the reason, and nothing is connected."""
+        """An invalid request is refused with the reason, and nothing is connected."""
         status, text = ask(port, wrong, way)
         assert status == -1
         assert str(text).endswith("\r\n")
         assert not port.outputs
 
     def test_ports_that_send_nothing(self, network: Network, reader: Port, way: str):
-        """Input-only ports and servers refuse; a client has one output."""
+        """Input-only ports and servers refuse outputs; a client has one at most."""
         refused = Bottle([-1, "Outputs not allowed\r\n"])
         with Port("/in", network=network, outputs=False) as port:
             assert ask(port, "[add] /reader", way) == refused
@@ -179,7 +179,7 @@ class TestAdd:
 
 @pytest.mark.parametrize("carrier", ["", "fast_tcp"])
 def test_a_port_is_asked_to_connect_to_an_address(port: Port, reader: Port, carrier: str):
-    """With a carrier or without one; the port is then known by its address, as with YARP."""
+    """A port can be asked to connect to an address, by which it then lists the reader, as in YARP."""
     target = Contact("/reader", reader.contact.host, reader.contact.port, carrier)
     where = f"{carrier or 'tcp'}://{reader.contact.host}:{reader.contact.port}/"
     assert remote.connect(port.network, Contact("/port"), target) == f"Added connection from /port to {where}"
@@ -188,33 +188,33 @@ def test_a_port_is_asked_to_connect_to_an_address(port: Port, reader: Port, carr
 
 
 class TestDelete:
-    """``[del]``: outputs first, then inputs."""
+    """``[del]``: removing a connection, an output before an input."""
 
     def test_an_output(self, port: Port, reader: Port, way: str):
-        """Ends, and the reader hears of it."""
+        """Removing an output ends the connection at both ends."""
         port.add_output("/reader")
         assert ask(port, "[del] /reader", way) == Bottle([0, "Removed connection from /port to /reader\r\n"])
         assert port.outputs == ()
         eventually(lambda: not reader.inputs, "the reader was not told")
 
     def test_an_input(self, port: Port, network: Network, way: str):
-        """The port hangs up."""
+        """Removing an input ends the connection of the writer."""
         with sending(network, "/port"):
             eventually(lambda: port.inputs, "the writer has not come")
             assert ask(port, "[del] /writer", way) == Bottle([0, "Removed connection from /writer to /port\r\n"])
             eventually(lambda: all(one.peer != "/writer" for one in port.inputs), "the input is left")
 
     def test_none(self, port: Port, way: str):
-        """Both searches are reported."""
+        """The reply about an unknown connection names both directions."""
         wanted = "Could not find an outgoing connection to /x\r\nCould not find an incoming connection from /x\r\n"
         assert ask(port, "[del] /x", way) == Bottle([-1, wanted])
 
 
 class TestList:
-    """``[list]``: names, or how one of them is connected."""
+    """``[list]``: the names of connected ports, or one connection."""
 
     def test_names(self, port: Port, reader: Port, network: Network, way: str):
-        """Outputs unless inputs are asked for; anyone who asks is an input, too."""
+        """The reply lists outputs, or inputs on request, the asking peer among them."""
         port.add_output("/reader")
         asking = "admin"
         with sending(network, "/port", "fast_tcp"):
@@ -224,24 +224,24 @@ class TestList:
 
     @pytest.mark.parametrize(("carrier", "more"), [("tcp", ""), ("fast_tcp", ""), ("udp", " (connectionless 1)")])
     def test_one(self, port: Port, reader: Port, way: str, carrier: str, more: str):
-        """From, to and carrier; and whether it is made of datagrams."""
+        """The reply about one connection has both names and the carrier, and marks datagrams."""
         port.add_output("/reader", carrier)
         wanted = f'(from "/port") (to "/reader") (carrier {carrier}){more}'
         assert ask(port, "[list] [out] /reader", way).to_text() == wanted
         assert ask(reader, "[list] [in] /port", way).to_text() == wanted
 
     def test_unknown(self, port: Port, way: str):
-        """Nothing at all."""
+        """The reply about an unknown connection is empty."""
         assert ask(port, "[list] [out] /x", way) == Bottle()
         assert ask(port, "[list] [in] /x", way) == Bottle()
 
 
 class TestModify:
-    """``[set]``, ``[get]``, ``[atch]`` and ``[dtch]``: there are no modifiers here, and the answers say so."""
+    """``[set]``, ``[get]``, ``[atch]`` and ``[dtch]`` of connections without modifiers."""
 
     @pytest.mark.parametrize("word", ["set", "get"])
     def test_errors(self, port: Port, way: str, word: str):
-        """YARP calls an unknown output an incoming connection, too."""
+        """The errors have YARP's texts; an unknown output, too, is called an incoming connection."""
         nameless = Bottle([-1, "target port is not specified.\r\n"])
         assert ask(port, f"[{word}]", way) == ask(port, f"[{word}] [in]", way) == nameless
         wanted = Bottle([-1, "Could not find an incoming connection from /x\r\n"])
@@ -251,13 +251,13 @@ class TestModify:
 
     @pytest.mark.parametrize("word", ["set", "get"])
     def test_the_port_itself(self, port: Port, way: str, word: str):
-        """Has no monitor."""
+        """The port has no modifier, and the reply says so."""
         for direction, name in (("in", "input"), ("out", "output")):
             wanted = f'[fail] "No port modifier is attached to the {name}"'
             assert ask(port, f"[{word}] [{direction}] /port", way).to_text() == wanted
 
     def test_a_connection(self, port: Port, reader: Port, way: str):
-        """Is there, takes everything and tells nothing."""
+        """Settings of a connection without modifiers are accepted, and reading gives none."""
         port.add_output("/reader")
         assert ask(port, "[set] [out] /reader (a 1)", way) == Bottle([0, "Configured connection to /reader\r\n"])
         assert ask(reader, "[set] [in] /port (a 1)", way) == Bottle([0, "Configured connection from /port\r\n"])
@@ -266,7 +266,7 @@ class TestModify:
             assert way == "text_ack" or reply == Bottle([Property()])
 
     def test_monitors(self, port: Port, way: str):
-        """A direction is needed; and then there is none to attach or take away."""
+        """A request about monitors needs a direction; with it the reply says that there are none."""
         for word, name in (("atch", "attach"), ("dtch", "detach")):
             wanted = f'[fail] "{name} command must be followed by [out] or [in]"'
             assert ask(port, f"[{word}]", way).to_text() == wanted
@@ -278,24 +278,24 @@ class TestModify:
 
 
 class TestProperties:
-    """``[prop]``: what anybody may store, and what names of ports mean."""
+    """``[prop]``: stored properties, and those of ports and connections."""
 
     @pytest.mark.parametrize("value", ["10", "0.5", "text", '"two words"', "(1 2 (3 four))", "[ok]"])
     def test_values(self, port: Port, way: str, value: str):
-        """Any value is kept; a list comes back as one."""
+        """Any value can be stored, and is returned unchanged."""
         assert ask(port, f"[prop] [set] foo {value}", way).to_text() == "[ok]"
         assert ask(port, "[prop] [get] foo", way).to_text() == Bottle.parse(value).to_text()
         assert ask(port, "[prop] [get]", way).to_text() == f"(foo {Bottle.parse(value).to_text()})"
         assert port.properties.find("foo") == Bottle.parse(value)[0]
 
     def test_several(self, port: Port, way: str):
-        """In the order of their keys; the last value counts."""
+        """Properties are listed in the order of their keys, each with its last value."""
         for key, value in (("b", 1), ("a", 2), ("b", 3)):
             ask(port, f"[prop] [set] {key} {value}", way)
         assert ask(port, "[prop] [get]", way).to_text() == "(a 2) (b 3)"
 
     def test_nothing(self, port: Port, way: str):
-        """No properties, no such property, and a property without a value are all the same."""
+        """The reply about no, an unknown or an empty property is empty."""
         assert ask(port, "[prop] [get]", way) == Bottle()
         assert ask(port, "[prop] [get] foo", way) == Bottle()
         assert ask(port, "[prop] [set] foo", way).to_text() == "[ok]"
@@ -303,11 +303,11 @@ class TestProperties:
 
     @pytest.mark.parametrize("word", ["", "[put]", "5"])
     def test_unknown_action(self, port: Port, way: str, word: str):
-        """Is refused."""
+        """An unknown action is refused."""
         assert ask(port, f"[prop] {word}", way).to_text() == '[fail] "property action not known"'
 
     def test_own_name(self, port: Port, way: str):
-        """Tells of thread, process, machine and port."""
+        """The properties of the port's own name describe thread, process, machine and port."""
         reply = ask(port, "[prop] [get] /port", way)
         assert [group[0] for group in reply] == ["sched", "process", "platform", "port"]
         facts = {str(group[0]): _facts(group[1], way) for group in reply}
@@ -320,7 +320,7 @@ class TestProperties:
         assert Bottle([reply[3]]).to_text() == '(port ((is_input 1) (is_output 1) (is_rpc 0) (type "")))'
 
     def test_flags(self, network: Network, way: str):
-        """What a port is for, and the type that it promises."""
+        """The port's description has its directions, whether it is for requests, and its type."""
         wanted = {
             "/in": (1, 0, 0, ""),
             "/image": (1, 1, 0, "yarp/image"),
@@ -339,7 +339,7 @@ class TestProperties:
             port.close()
 
     def test_a_connection(self, port: Port, reader: Port, way: str):
-        """Its thread and packets; a writer's output has no thread of its own."""
+        """The properties of a connection are its thread, 0 for outputs of a writer, and its quality of service."""
         port.add_output("/reader")
         wanted = "(sched ((policy 0) (priority 0) (tid 0))) (qos ((tos 0)))"
         assert ask(port, "[prop] [get] /reader", way).to_text() == wanted
@@ -347,7 +347,7 @@ class TestProperties:
         assert text == f"(sched ((policy 0) (priority 0) (tid {reader.inputs[0].thread}))) (qos ((tos 0)))"
 
     def test_both_ways(self, port: Port, reader: Port, way: str):
-        """Two ports that send to each other have two connections, and both are reported."""
+        """With connections in both directions the reply has both."""
         port.add_output("/reader")
         reader.add_output("/port")
         eventually(lambda: len(port.inputs) == 1, "the other way has not come")
@@ -355,7 +355,7 @@ class TestProperties:
         assert [group[0] for group in reply] == ["sched", "qos", "sched", "qos"]
 
     def test_no_connection(self, port: Port, way: str):
-        """What is stored under the name of a port is a property, but read as a connection."""
+        """A name with a slash is read as a connection, also if a property of that name is stored."""
         wanted = '[fail] "cannot find any connection to/from /x"'
         assert ask(port, "[prop] [get] /x", way).to_text() == wanted
         assert ask(port, "[prop] [set] /x 5", way).to_text() == "[ok]"
@@ -365,7 +365,7 @@ class TestProperties:
 
 
 def _facts(value: object, way: str) -> dict[str, object]:
-    """A property, which text cannot tell from a list of lists."""
+    """Return a property as a dictionary; as text it is a list of lists."""
     assert isinstance(value, Bottle if way == "text_ack" else Property)
     groups = value if isinstance(value, Bottle) else value.to_bottle()
     keys = [str(group[0]) for group in groups]
@@ -374,10 +374,10 @@ def _facts(value: object, way: str) -> dict[str, object]:
 
 
 class TestTyped:
-    """Commands of people at a terminal, each with its acknowledgement."""
+    """Commands that a person types, each with its acknowledgement."""
 
     def test_frames(self, port: Port):
-        """A reply is a line, also when it is empty; without acknowledgements nothing follows it."""
+        """A reply is a line, which may be empty; without acknowledgements nothing follows it."""
         assert said_to(port, "a", "[ver]", "a", "[list] [out]") == [
             "Welcome tester",
             "[ver] 1 2 3",
@@ -389,7 +389,7 @@ class TestTyped:
         assert said_to(port, "a", "[ver]", header="CONNECT tester") == ["Welcome tester", "[ver] 1 2 3"]
 
     def test_description(self, port: Port, reader: Port):
-        """The address, and the connections each way."""
+        """The description has the port's address, and the connections in each direction."""
         here = f"This is /port at tcp://127.0.0.1:{port.contact.port}/"
         asked = "There is an input connection from tester to /port using text_ack"
         assert said_to(port, "*")[1:-2] == [here, "There are no outgoing connections", asked]
@@ -402,12 +402,12 @@ class TestTyped:
 
     @pytest.mark.parametrize("key", ["?", "h"])
     def test_help(self, port: Port, key: str):
-        """Names every command."""
+        """Help has every command."""
         text = "\n".join(said_to(port, key))
         assert all(f"\n  {word} " in text for word in ("d", "D", "a", "/name", "!/name", "~/name", "r", "*", "q", "?"))
 
     def test_connecting(self, port: Port, reader: Port, network: Network):
-        """Adding an output, also by another carrier, and taking it away."""
+        """Typed commands add an output, also by another carrier, and remove outputs and inputs."""
         for line in ("/reader", "fast_tcp:/reader"):
             assert said_to(port, line)[1] == f"Added connection from /port to {line}"
         assert [output.carrier for output in port.outputs] == ["fast_tcp"]
@@ -421,12 +421,12 @@ class TestTyped:
 
     @pytest.mark.parametrize("line", ["x", "register /a", "", "5"])
     def test_nonsense(self, port: Port, line: str):
-        """Three lines of advice, and the connection goes on."""
+        """An unknown line is answered with three lines of advice, and the connection stays."""
         advice = ["Port command not understood.", "Type d to send data to the port's owner.", "Type ? for help."]
         assert said_to(port, line, "a", "[ver]")[1:] == [*advice, "<ACK>", "[ver] 1 2 3", "<ACK>", "<ACK>"]
 
     def test_binary_callers_get_no_lines(self, port: Port, reader: Port):
-        """The command is obeyed, and only acknowledged."""
+        """A typed command of a binary caller is executed and acknowledged, without lines."""
         stream = port.network.reach(port.contact)
         stream.send(framing.header(131) + framing.sender("tester"))
         stream.run(stream.take(8))
@@ -439,10 +439,10 @@ class TestTyped:
 
 
 class TestTurnedRound:
-    """``r``: anyone who called is sent to."""
+    """``r``: the caller becomes a reader of the port."""
 
     def test_a_person_reads(self, port: Port):
-        """What the port writes is typed to them."""
+        """Messages of the port are sent to the person as text."""
         with socket.create_connection((port.contact.host, port.contact.port), 10) as connection:
             connection.sendall(b"CONNECT tester\r\nr\r\n")
             eventually(lambda: [output.peer for output in port.outputs] == ["tester"], "it was not turned round")
@@ -455,7 +455,7 @@ class TestTurnedRound:
             assert heard == wanted
 
     def test_in_binary(self, port: Port):
-        """Acknowledged as any other command, and so are messages, by the other side now."""
+        """A binary caller gets an acknowledgement, then messages, which it acknowledges."""
         stream = port.network.reach(port.contact)
         stream.send(framing.header(131) + framing.sender("/tester"))
         stream.run(stream.take(8))
@@ -473,7 +473,7 @@ class TestTurnedRound:
         assert not port.outputs
 
     def test_where_nothing_is_sent(self, network: Network, said: list[str]):
-        """An input-only port refuses, and a connection of datagrams goes one way."""
+        """An input-only port ends the connection of a caller that wants to read."""
         with Port("/in", network=network, outputs=False) as port:
             assert said_to(port, "r") == ["Welcome tester", "<ACK>"]
             eventually(lambda: said == ["/in: tester was cut off: Outputs not allowed"], "nobody was told")

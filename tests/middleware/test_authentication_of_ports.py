@@ -1,4 +1,4 @@
-"""Networks with a key: ports of one know each other, strangers get nowhere."""
+"""Networks with a key: ports with the same key are connected, others are refused."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def server(network: Network) -> Iterator[RpcServer]:
 
 
 def test_ports_with_the_same_key_talk(server: RpcServer, network: Network):
-    """By question and answer, and by administration."""
+    """Requests and administration work between ports with the same key."""
     with RpcClient("/client", "/server", network=network) as client:
         assert client.call(Bottle(["hello"]), timeout=5) == Bottle(["hello"])
     assert remote.exists(network, server.contact)
@@ -34,7 +34,7 @@ def test_ports_with_the_same_key_talk(server: RpcServer, network: Network):
 
 @pytest.mark.parametrize("key", [b"", b"another"])
 def test_a_stranger_gets_nowhere(server: RpcServer, network: Network, key: bytes):
-    """Whether it has another key or none."""
+    """A port with another key, or none, is not connected."""
     stranger = Network(network.names, key=key, patience=0.5)
     with pytest.raises(ConnectError, match="/server"):
         RpcClient("/stranger", "/server", network=stranger)
@@ -42,7 +42,7 @@ def test_a_stranger_gets_nowhere(server: RpcServer, network: Network, key: bytes
 
 
 def test_nothing_is_said_to_who_does_not_prove_the_key(server: RpcServer):
-    """Not even what a port says of itself."""
+    """A caller without the key gets only the first message of the handshake."""
     with socket.create_connection((server.contact.host, server.contact.port), timeout=5) as connection:
         connection.sendall(b"CONNECT me\r\n*\r\nq\r\n" + b"x" * 40)
         answer = b""

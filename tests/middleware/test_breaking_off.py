@@ -1,4 +1,4 @@
-"""Calls that are broken off, as by a test that is told to stop: what is asked afterwards gets its own answer."""
+"""Calls that a signal interrupts: the calls after them get their own answers."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 
 class Told(BaseException):
-    """What the handler of the signal raises."""
+    """Raised by the signal handler."""
 
 
 @pytest.fixture
 def break_off() -> Iterator[Callable[[], None]]:
-    """Has the main thread, which is in a call, or about to wait in it, raise Told; returns when it does."""
+    """Return a function that makes the main thread raise Told in its call, and returns when it has."""
     raised = threading.Event()
 
     def tell(*_: object) -> None:
@@ -47,7 +47,7 @@ def break_off() -> Iterator[Callable[[], None]]:
 
 
 def test_an_answer_that_comes_too_late_is_not_taken_for_another(network: Network, break_off: Callable[[], None]):
-    """The connection is gone, and with it the answer; a new one asks as before."""
+    """An interrupted request closes its connection, so that its late answer is not taken for the next."""
     told, may_answer = threading.Event(), threading.Event()
 
     def answer(question: Bottle) -> Bottle:
@@ -68,7 +68,7 @@ def test_an_answer_that_comes_too_late_is_not_taken_for_another(network: Network
 
 
 def test_a_sleep_that_is_broken_off_is_not_the_end_of_time(network: Network, break_off: Callable[[], None]):
-    """Who was told to stop may have to wait afterwards, until the robot is parked."""
+    """After an interrupted sleep a test can sleep again, for instance until the robot is parked."""
     passing = threading.Event()
 
     def advance(until: float) -> float:

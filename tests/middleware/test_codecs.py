@@ -1,4 +1,4 @@
-"""Which codec an object has, what is loaded for it, and reading what is still arriving."""
+"""Codecs: which one an object has, which modules it loads, and raw bytes."""
 
 from __future__ import annotations
 
@@ -47,19 +47,19 @@ BOTTLES = Bottle([["a", index, [index / 2]] for index in range(300)])
     ],
 )
 def test_an_object_has_a_codec(value: object, codec: Codec[object]):
-    """A port that is given an object needs not be told how to send it."""
+    """Objects of these types are sent without naming a codec."""
     assert codec_of(value) is codec
 
 
 @pytest.mark.parametrize("value", [None, 5, [1, 2], object(), 1j])
 def test_other_objects_have_none(value: object):
-    """The error says what would help."""
+    """The error about any other type has a hint."""
     with pytest.raises(ProtocolError, match=f"the type {type(value).__name__}; pass a codec, or a Bottle"):
         codec_of(value)
 
 
 def test_the_codec_of_a_pair_is_that_of_its_parts():
-    """A pair is written as its parts are."""
+    """A pair is encoded with the codecs of its parts."""
     pair = Pair("a", np.zeros(2))
     assert b"".join(codec_of(pair).encode(pair, THREE)).endswith(b"".join(VECTOR.encode(np.zeros(2), THREE)))
 
@@ -80,12 +80,12 @@ assert "numpy" in sys.modules
 
 
 def test_numpy_is_loaded_when_it_is_needed():
-    """Programs that send no arrays start without it."""
+    """Importing the types does not load numpy."""
     subprocess.run([sys.executable, "-c", LOADING], check=True, env={"PYTHONPATH": ":".join(sys.path)})
 
 
 def test_the_types_say_what_they_have_not():
-    """A misspelt name is an ordinary error."""
+    """All exported names exist, and an unknown one raises AttributeError."""
     from rtf.middleware import types
 
     assert {name for name in types.__all__ if not hasattr(types, name)} == set()
@@ -94,14 +94,14 @@ def test_the_types_say_what_they_have_not():
 
 
 def test_raw_bytes_are_taken_as_they_are():
-    """All of a message, or the bottle that a reply begins with."""
+    """The raw codec takes a whole message, or the bottle at the beginning of a reply."""
     data = encode(Bottle([1, 2]))
     assert RAW.decode(data + b"more", THREE) == data + b"more"
     assert RAW.decode_from(memoryview(data + b"more"), THREE) == (data, len(data))
 
 
 def test_the_benchmark_runs():
-    """Every row is timed; what it says here means nothing."""
+    """The benchmark of codecs runs, and times every row."""
     script = Path(__file__).parents[1] / "benchmarks" / "run_codec_benchmarks.py"
     ran = subprocess.run(
         [sys.executable, str(script), "--seconds", "0", "--repeat", "1"],

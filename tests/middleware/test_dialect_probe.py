@@ -1,4 +1,4 @@
-"""Every reader gets numbers in its own dialect: it is asked before the first message, as YARP's own ports answer."""
+"""The dialect of each reader: a port asks for it before the first message, as YARP's ports answer."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ NUMBERS = Bottle([1.0, 2.5, 3.5])
 
 
 class ForeignPort:
-    """A port that answers like one of YARP and keeps the bytes of the messages that it receives.
+    """A port that answers like one of YARP, and keeps the bytes of the messages that it receives.
 
-    ``dialect`` None: it knows no properties, so it does not tell.
+    With ``dialect`` None it knows no properties, so that its dialect stays unknown.
     """
 
     def __init__(self, network: Network, name: str, dialect: Dialect | None) -> None:
@@ -117,13 +117,13 @@ def four(network: Network) -> Iterator[ForeignPort]:
 
 
 class TestWriters:
-    """One process sends to both versions at once."""
+    """Ports with readers of both versions."""
 
     @pytest.mark.parametrize("kind", [Port, BufferedPort, PipelinedPort])
     def test_each_reader_gets_its_own_numbers(
         self, network: Network, three: ForeignPort, four: ForeignPort, kind: type[Port]
     ) -> None:
-        """The same message is encoded for each of its readers."""
+        """A message is encoded in the dialect of each reader."""
         with kind("/writer", network=network) as writer:
             writer.add_output("/three")
             writer.add_output("/four")
@@ -145,14 +145,14 @@ class TestWriters:
         assert four.messages == [b"".join(VECTOR.encode([1.5, 2.5], Dialect.YARP4))]
 
     def test_clients_ask_first(self, network: Network, four: ForeignPort) -> None:
-        """The first request of a client already is in the server's dialect, and so is the reply."""
+        """The first request of a client is in the server's dialect."""
         with RpcClient("/client", "/four", network=network) as client:
             assert client.call(NUMBERS, timeout=10) == Bottle([0.5])
         assert four.messages == [encode(NUMBERS, Dialect.YARP4)]
 
 
 class TestReadersThatDoNotTell:
-    """What is not known is not guessed."""
+    """Readers whose dialect cannot be found out."""
 
     def test_numbers_are_refused(self, network: Network, said: list[str]) -> None:
         """A message that differs in the two dialects ends the connection, with a hint; others are sent."""
@@ -166,7 +166,7 @@ class TestReadersThatDoNotTell:
 
     @pytest.mark.parametrize("dialect", [*Dialect])
     def test_setting(self, network: Network, dialect: Dialect) -> None:
-        """A dialect that is set is used, and nothing is asked."""
+        """A dialect that is set is used without asking."""
         network.dialect = dialect
         with ForeignPort(network, "/silent", None) as reader, Port("/writer", network=network) as writer:
             writer.add_output("/silent")
@@ -176,10 +176,10 @@ class TestReadersThatDoNotTell:
 
 
 class TestCost:
-    """What the question takes."""
+    """The cost of asking for the dialect."""
 
     def test_own_ports_are_asked_once(self, network: Network) -> None:
-        """A port of this library says with its first reply that it understands both."""
+        """A port of this library tells its dialect in its first reply, and stores no property."""
         with Port("/reader", lambda message: message.read(), network=network) as reader:
             with Port("/writer", network=network) as writer:
                 before = reader.properties.to_bottle()
@@ -188,7 +188,7 @@ class TestCost:
             assert reader.properties.to_bottle() == before
 
     def test_text_has_no_dialects(self, network: Network) -> None:
-        """A reader by text is not asked."""
+        """A reader by text is not asked for its dialect."""
         network.names.register("/nothing", carrier="tcp", host="127.0.0.1", port=1)
         with Port("/reader", lambda message: message.read(), network=network), Port("/w", network=network) as writer:
             writer.add_output("/reader", "text_ack")
@@ -196,15 +196,15 @@ class TestCost:
 
 
 class TestSettingOfTheEnvironment:
-    """RTF_DIALECT."""
+    """The variable RTF_DIALECT."""
 
     @pytest.mark.parametrize(("text", "dialect"), [("3", Dialect.YARP3), ("4", Dialect.YARP4), ("", None)])
     def test_values(self, text: str, dialect: Dialect | None) -> None:
-        """3 and 4 are the two major versions; nothing means: ask."""
+        """3 and 4 set the dialect, and an empty value lets ports ask."""
         assert find_dialect({"RTF_DIALECT": text}) is dialect
 
     @pytest.mark.parametrize("text", ["5", "yarp4", "3.12", " "])
     def test_others_are_errors(self, text: str) -> None:
-        """Anything else is named."""
+        """Another value is an error that names the variable."""
         with pytest.raises(AddressError, match="RTF_DIALECT"):
             find_dialect({"RTF_DIALECT": text})

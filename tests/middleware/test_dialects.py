@@ -1,4 +1,4 @@
-"""Peers that speak the other dialect are understood, and answered in theirs."""
+"""Peers of the other dialect: their messages are decoded, and answered in their dialect."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ DIALECTS = [Dialect.YARP3, Dialect.YARP4]
 
 @pytest.fixture
 def other(network: Network) -> Network:
-    """The same names, spoken to in the dialect of YARP 4."""
+    """A network with the same names and the dialect of YARP 4."""
     return Network(network.names, dialect=Dialect.YARP4, report=network.report)
 
 
 @pytest.mark.parametrize("carrier", ["tcp", "fast_tcp", "udp", "unix_stream"])
 def test_messages_of_the_other_dialect_are_read(network: Network, other: Network, carrier: str):
-    """Numbers with a point are what differs: alone, in lists, and beside other things."""
+    """Messages with doubles in the other dialect are decoded, wherever the doubles are."""
     with BufferedPort("/reader", strict=True, network=network) as reader, Port("/writer", network=other) as writer:
         writer.add_output("/reader", carrier)
         for text in ("1.5 2.5 3.5", "[set] [pos] 0 10.5", "(a (1.5 b)) 7", "no numbers", "0.25"):
@@ -31,7 +31,7 @@ def test_messages_of_the_other_dialect_are_read(network: Network, other: Network
 
 
 def test_questions_and_answers_across_dialects(network: Network, other: Network):
-    """A server learns the dialect from a question, a client from an answer."""
+    """A server learns the dialect from a request, a client from a reply."""
     with RpcServer("/server", lambda question: Bottle([*question, 0.5]), network=network):
         with RpcClient("/four", "/server", network=other) as client:
             for _ in range(3):
@@ -48,7 +48,7 @@ def test_questions_and_answers_across_dialects(network: Network, other: Network)
 
 
 def test_what_is_none_in_either_is_an_error(network: Network):
-    """And it is the error of the dialect that was expected."""
+    """A message that is invalid in both dialects is an error."""
     with BufferedPort("/reader", network=network) as reader, Port("/writer", network=network) as writer:
         from rtf.middleware.types.codecs import RAW
 

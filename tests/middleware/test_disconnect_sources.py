@@ -1,4 +1,4 @@
-"""A port that closes: its sources are asked to stop, and nobody can keep it from closing."""
+"""A port that closes asks its sources to disconnect, and closes in bounded time."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _BUSY = 1.0
 
 
 def caller(port: Port, name: str) -> socket.socket:
-    """Somebody who connects under the name of a port."""
+    """Connect to a port under this name."""
     connection = socket.create_connection((port.contact.host, port.contact.port), 10)
     connection.sendall(framing.header(3) + framing.sender(name))
     eventually(lambda: any(one.sender == name for one in port.inputs), "the caller has not come")
@@ -34,13 +34,13 @@ def caller(port: Port, name: str) -> socket.socket:
 
 
 class TestSources:
-    """Those who send to it."""
+    """The sources of a port."""
 
     @pytest.mark.parametrize("carrier", ["tcp", "fast_tcp", "udp", "mcast", "text_ack", "unix_stream"])
     def test_disconnect(self, network: Network, monkeypatch: pytest.MonkeyPatch, carrier: str):
-        """When it is closed no writer lists it any more, and none has lost a connection by an error.
+        """After closing no writer lists the port, and none has lost a connection by an error.
 
-        How long that may take is another test's question: here a busy machine has all the time it needs.
+        The duration is not tested here, so that a busy machine has all the time it needs.
         """
         monkeypatch.setattr(disconnect_sources, "_PATIENCE", 30.0)
         writers = [Port(f"/writer/{number}", network=network) for number in range(10)]
@@ -54,7 +54,7 @@ class TestSources:
             writer.close()
 
     def test_in_their_own_words(self, network: Network):
-        """They are asked by administration, which ports of any make understand."""
+        """A source is asked by administration, which ports of any make understand."""
         asked: list[bytes] = []
         with socket.create_server(("127.0.0.1", 0)) as listening:
             thread = threading.Thread(target=_answer, args=(listening, asked))
@@ -66,7 +66,7 @@ class TestSources:
         assert asked == [b"CONNACK admin\r\n", b"a\r\n", b'[del] "/reader"\r\n']
 
     def test_local_ones_are_left_alone(self, network: Network, noticed: list[str]):
-        """They know without being asked; and nobody asks itself."""
+        """Sources in the same process and the port itself are disconnected without a request."""
         with Port("/writer", network=network) as writer, BufferedPort("/reader", network=network) as reader:
             writer.add_output("/reader", "local")
             reader.add_output("/reader")
@@ -77,7 +77,7 @@ class TestSources:
             assert "Removing output from /reader to /reader" in noticed[before:]
 
     def test_none_that_have_no_port(self, network: Network):
-        """Tools and people, and names that nobody registered."""
+        """Callers without a registered port are not asked."""
         with Port("/reader", network=network) as reader:
             connections = [caller(reader, name) for name in ("admin", "/unknown")]
             began = clock.monotonic()
@@ -91,7 +91,7 @@ class TestBounded:
     """Sources that do not answer."""
 
     def test_stalled_ones(self, network: Network):
-        """However many there are, it takes about a second."""
+        """Sources that do not answer delay closing by about a second, whatever their number."""
         with Port("/reader", network=network) as reader:
             held = [socket.create_server(("127.0.0.1", 0)) for _ in range(30)]
             for number, listening in enumerate(held):
@@ -107,7 +107,7 @@ class TestBounded:
             one.close()
 
     def test_dead_ones(self, network: Network):
-        """Registered, and nobody is there: it costs nothing."""
+        """Sources whose port is gone do not delay closing."""
         with socket.create_server(("127.0.0.1", 0)) as listening:
             number = listening.getsockname()[1]
         network.names.register("/dead", carrier="tcp", host="127.0.0.1", port=number)
@@ -117,7 +117,7 @@ class TestBounded:
             assert clock.monotonic() - began < _PATIENCE
 
     def test_one_that_waits_for_the_port(self, network: Network):
-        """A writer whose message is being dealt with cannot disconnect: it is not asked by the callback that closes."""
+        """A callback that closes its port does not ask the writer that waits for this callback."""
         took: list[float] = []
 
         def close(delivery: IncomingMessage) -> None:
@@ -134,7 +134,7 @@ class TestBounded:
             assert not writer.outputs
 
     def test_two_that_send_to_each_other(self, network: Network):
-        """Closed at the same time, neither waits for the other."""
+        """Two ports that send to each other can be closed at the same time."""
         ports = [BufferedPort(f"/port/{number}", network=network) for number in range(2)]
         for one, other in (ports, reversed(ports)):
             one.add_output(other.name)
@@ -157,11 +157,11 @@ def _answer(listening: socket.socket, asked: list[bytes]) -> None:
 
 
 class TestNotices:
-    """The reports of connections to a network, in YARP's words."""
+    """The reports of connections, with YARP's texts."""
 
     @pytest.mark.parametrize("carrier", ["tcp", "fast_tcp", "udp", "local", "text_ack"])
     def test_made_and_ended(self, network: Network, noticed: list[str], said: list[str], carrier: str):
-        """Each end tells of its own, once; no problem is reported."""
+        """Each end reports a connection and its end once, and no problem."""
         with Port("/writer", network=network) as writer, BufferedPort("/reader", network=network) as reader:
             writer.add_output("/reader", carrier)
             eventually(lambda: len(noticed) == 2, "it was not told of")
@@ -180,7 +180,7 @@ class TestNotices:
         assert said == []
 
     def test_tools_are_not_worth_it(self, network: Network, noticed: list[str]):
-        """Only ports are reported, not who asks a question."""
+        """Callers without a port, such as tools, are not reported."""
         with Port("/port", network=network) as port:
             assert remote.exists(network, port.contact)
             remote.describe(network, port.contact)
@@ -190,7 +190,7 @@ class TestNotices:
         assert noticed == []
 
     def test_connection_that_breaks(self, network: Network, noticed: list[str], said: list[str]):
-        """Is ended, and a problem besides."""
+        """A broken connection is reported as ended, and as a problem."""
         network.dialect = Dialect.YARP3  # the peer is not asked for it
         with socket.create_server(("127.0.0.1", 0)) as listening, Port("/writer", network=network) as writer:
             network.names.register("/gone", carrier="tcp", host="127.0.0.1", port=listening.getsockname()[1])
@@ -216,7 +216,7 @@ def _welcome(listening: socket.socket) -> None:
 
 @pytest.fixture
 def noticed(network: Network) -> list[str]:
-    """The reports of connections to the network."""
+    """The network's reports of connections."""
     heard: list[str] = []
     network.notice = heard.append
     return heard

@@ -1,4 +1,4 @@
-"""The explorer of schedules sees the faults that it is there for, and nothing where there is none."""
+"""The explorer of schedules finds the known kinds of faults, and none in correct programs."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 
 class TestExplorer:
-    """The explorer sees the faults that it is there for, and nothing where there is none."""
+    """Small programs with a fault, which the explorer finds."""
 
     def test_lost_wake_up_is_found(self):
-        """Somebody looks, is overtaken by the notification, and waits for it."""
+        """A notification between a check without the lock and the wait is found."""
 
         class Gate:
             def __init__(self, control: Control) -> None:
@@ -43,7 +43,7 @@ class TestExplorer:
             explore(program, shared={Gate: ("open",)})
 
     def test_locks_taken_in_two_orders_are_found(self):
-        """Two threads that each have what the other wants."""
+        """Two threads that take two locks in opposite orders are found."""
 
         def program(control: Control) -> None:
             one, other = control.Lock(), control.Lock()
@@ -61,7 +61,7 @@ class TestExplorer:
         assert explore(program, preemptions=0) > 0, "without a preemption each of them has both"
 
     def test_update_that_is_lost_is_found(self):
-        """Two threads that read and then write what they share, with no lock."""
+        """Two threads that change a variable without a lock are found."""
 
         class Counter:
             count: int
@@ -81,7 +81,7 @@ class TestExplorer:
             explore(program, preemptions=1, shared={Counter: ("count",)})
 
     def test_notification_of_one_whose_time_ran_out_is_found(self):
-        """It is taken from another one that waits for good."""
+        """A notification that a thread receives after its timeout, and loses, is found."""
 
         def program(control: Control) -> None:
             changed, items = control.Condition(), []
@@ -115,7 +115,7 @@ class TestExplorer:
             explore(program)
 
     def test_all_schedules_are_tried(self):
-        """Two threads of two steps each, in all six orders and no other."""
+        """Two threads of two steps run in all six orders."""
         seen = set()
 
         def program(control: Control) -> None:
@@ -139,7 +139,7 @@ class TestExplorer:
         assert seen == {"aabb", "abab", "abba", "baab", "baba", "bbaa"}
 
     def test_thread_that_is_left_is_found(self):
-        """As the program's end is the end of all its threads."""
+        """A thread that never ends is found."""
 
         def program(control: Control) -> None:
             control.Thread(target=control.Event().wait, name="left").start()

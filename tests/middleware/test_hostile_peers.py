@@ -1,4 +1,4 @@
-"""Peers that break the rules: each costs itself its connection, and nobody else anything."""
+"""Peers that break the protocol: each loses its own connection, and others are served."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ if TYPE_CHECKING:
 
 @pytest.fixture
 def server(network: Network) -> Iterator[RpcServer]:
-    """A server that is attacked."""
+    """A server for these peers."""
     with RpcServer("/server", lambda question: Bottle([*question, "ok"]), network=network) as made:
         yield made
 
 
 def attack(server: Port, data: bytes, *, patience: float = 5.0) -> bytes:
-    """Send something, say that it is all, and return what comes back until the end."""
+    """Send bytes, end the sending side, and return all bytes that come back."""
     with socket.create_connection((server.contact.host, server.contact.port), timeout=patience) as connection:
         answer = b""
         try:
@@ -55,7 +55,7 @@ def attack(server: Port, data: bytes, *, patience: float = 5.0) -> bytes:
 
 
 def well(server: Port, network: Network) -> None:
-    """The server still works for others."""
+    """Check that the server answers another client."""
     with RpcClient("/client", server.contact, network=network) as client:
         assert client.call(Bottle(["are you there?"]), timeout=5) == Bottle(["are you there?", "ok"])
 
@@ -97,14 +97,14 @@ HELLO = framing.header(131) + framing.sender("/evil")
 def test_one_that_breaks_the_rules_is_cut_off(
     server: RpcServer, network: Network, data: bytes, monkeypatch: pytest.MonkeyPatch
 ):
-    """Whatever it says, and the server goes on."""
+    """After any invalid bytes the server answers another client."""
     monkeypatch.setattr(unix_stream, "_MEETING", 0.1)
     attack(server, data)
     well(server, network)
 
 
 def test_what_a_peer_only_announces_is_not_allocated(server: RpcServer, network: Network):
-    """A gigabyte in a length field costs no gigabyte."""
+    """The size of a message is not allocated before its bytes arrive."""
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     waiting = [socket.create_connection((server.contact.host, server.contact.port), timeout=5) for _ in range(20)]
     for connection in waiting:
@@ -116,7 +116,7 @@ def test_what_a_peer_only_announces_is_not_allocated(server: RpcServer, network:
 
 
 def test_a_flood_of_callers_is_bounded(server: RpcServer, network: Network, monkeypatch: pytest.MonkeyPatch):
-    """So many at a time, and then no more; when they are gone there is room again."""
+    """At most MAX_INPUTS callers are kept; when they are gone others are served."""
     monkeypatch.setattr(ports, "MAX_INPUTS", 50)
     callers = [socket.create_connection((server.contact.host, server.contact.port), timeout=5) for _ in range(200)]
     eventually(lambda: sum(_hung_up(caller) for caller in callers) >= 150, "more callers are kept than are allowed")
@@ -137,7 +137,7 @@ def _hung_up(caller: socket.socket) -> bool:
 
 
 def test_one_that_stalls_holds_up_nobody(server: RpcServer, network: Network):
-    """It neither says what it wants nor reads what it gets."""
+    """Callers that send no handshake, or read no replies, do not delay others."""
     stalled = [socket.create_connection((server.contact.host, server.contact.port), timeout=5) for _ in range(10)]
     for connection in stalled[:3]:
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
@@ -162,7 +162,7 @@ CONVERSATIONS = [
 @given(data=st.data())
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_damaged_conversations(server: RpcServer, network: Network, data: st.DataObject):
-    """Recorded conversations with bits flipped, pieces left out, doubled and cut off."""
+    """Recorded conversations with flipped, missing, doubled and cut bytes are survived."""
     talk = bytearray(data.draw(st.sampled_from(CONVERSATIONS)))
     for _ in range(data.draw(st.integers(1, 6))):
         place = data.draw(st.integers(0, len(talk) - 1))
@@ -185,12 +185,12 @@ def test_damaged_conversations(server: RpcServer, network: Network, data: st.Dat
 @given(st.binary(max_size=400))
 @settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_random_bytes_after_the_handshake(server: RpcServer, network: Network, data: bytes):
-    """And the server goes on."""
+    """Random bytes after the handshake are survived."""
     attack(server, HELLO + data)
 
 
 def test_the_server_survived(server: RpcServer, network: Network):
-    """After ten thousand damaged messages on one connection after the other."""
+    """After a hundred connections with random bytes the server answers."""
     luck = random.Random(5)
     for _ in range(100):
         attack(server, HELLO + luck.randbytes(luck.randrange(200)))
@@ -200,7 +200,7 @@ def test_the_server_survived(server: RpcServer, network: Network):
 @given(st.binary(max_size=200))
 @settings(max_examples=300, deadline=None)
 def test_a_client_survives_any_answer(data: bytes):
-    """What a server sends instead of an answer is an error of ours, soon."""
+    """Any bytes instead of a reply are a reply, or raise RtfError."""
     ours, theirs = socket.socketpair()
     with theirs:
         from rtf.bottle import Dialect
@@ -221,7 +221,7 @@ def test_a_client_survives_any_answer(data: bytes):
 
 
 def test_many_ports_and_connections():
-    """Five hundred ports and a thousand connections in one process: under 300 MB, and idle they burn no processor."""
+    """500 ports with 1000 connections need less than 300 MB, and no processor time while idle."""
     script = """
 import os, resource, threading, time
 from rtf.bottle import Bottle
@@ -263,7 +263,7 @@ os._exit(0)
 
 @pytest.mark.parametrize("seed", range(12))
 def test_any_order_of_calls(seed: int):
-    """Writes, reads, interrupts, closes of many threads end in any order; no strict message is lost or doubled."""
+    """Concurrent writes, reads, interrupts and closes end, and no strict message is lost or doubled."""
     schedule = Schedule(seed)
     try:
         schedule.run()
@@ -278,7 +278,7 @@ def test_any_order_of_calls(seed: int):
 
 
 class Schedule:
-    """Three writers, a strict reader and somebody who disturbs them, each in a thread, in any order."""
+    """Three writers, a strict reader and a thread that interrupts writers, in a random order."""
 
     def __init__(self, seed: int) -> None:
         self.luck = random.Random(seed)
@@ -292,7 +292,7 @@ class Schedule:
         self.lock = threading.Lock()
 
     def run(self) -> None:
-        """Do it all, to the end."""
+        """Run all threads to their end."""
         jobs = [(self.write, number) for number in range(3)] + [(self.read,), (self.disturb,)]
         self.luck.shuffle(jobs)
         threads = [threading.Thread(target=job, args=arguments, daemon=True) for job, *arguments in jobs]
@@ -313,7 +313,7 @@ class Schedule:
                 return
 
     def read(self) -> None:
-        """Read until nothing comes any more."""
+        """Read until no message comes any more."""
         try:
             while True:
                 self.got.append(tuple(self.reader.read(timeout=0.3)))
@@ -321,7 +321,7 @@ class Schedule:
             return
 
     def disturb(self) -> None:
-        """Interrupt and resume, and perhaps close."""
+        """Interrupt and resume writers, and perhaps close one."""
         for _ in range(3):
             os.sched_yield()
             self.luck.choice(self.writers).interrupt()
@@ -330,7 +330,7 @@ class Schedule:
             self.luck.choice(self.writers).close()
 
     def close(self) -> None:
-        """End the ports."""
+        """Close the ports."""
         for port in (*self.writers, self.reader):
             port.close()
 

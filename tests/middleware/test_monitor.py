@@ -1,4 +1,4 @@
-"""What is seen of a network from outside, with real ports and the kernel's own counts."""
+"""Monitoring a network from outside, with real ports and the kernel's counters."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ if TYPE_CHECKING:
 
 
 def _ignore(delivery: object) -> None:
-    """Take a message."""
+    """Ignore a message."""
 
 
 @contextmanager
 def writing(port: Port) -> Iterator[None]:
-    """A thread that has a port write again and again."""
+    """Let a port write periodically in a thread, within the block."""
     over = threading.Event()
 
     def write() -> None:
@@ -49,10 +49,10 @@ _MESSAGE = 8 + 10 + 3 * 4 + 8 + 20
 
 
 class TestSurvey:
-    """All ports at one moment."""
+    """The survey of all ports at one moment."""
 
     def test_ports_and_connections(self, network: Network):
-        """Who answers, how fast, and what is connected by which carrier; the questions themselves are not seen."""
+        """The survey has each port's latency and connections, without those of the survey itself."""
         with Port("/a", network=network) as a, Port("/b", _ignore, network=network):
             a.add_output("/b", "fast_tcp")
             found = {port.name: port for port in survey(network)}
@@ -62,12 +62,12 @@ class TestSurvey:
         assert all(port.alive and 0 < port.latency < 10 for port in found.values())
 
     def test_only_a_part(self, network: Network):
-        """A prefix picks whole parts of names."""
+        """A prefix selects whole parts of names."""
         with Port("/a/x", network=network), Port("/ab", network=network):
             assert [port.name for port in survey(network, "/a")] == ["/a/x"]
 
     def test_those_who_do_not_answer(self, network: Network):
-        """A port that is gone, one that says nothing, and entries that are no ports; none takes longer than it may."""
+        """Ports that are gone or silent are dead within the patience; entries that are no ports are unknown."""
         with socket.create_server(("127.0.0.1", 0)) as mute:
             network.names.register("/mute", carrier="tcp", host="127.0.0.1", port=mute.getsockname()[1])
             network.names.register("/gone", carrier="tcp", host="127.0.0.1", port=1)
@@ -79,19 +79,19 @@ class TestSurvey:
 
 
 class TestTraffic:
-    """Rates from the counts of the kernel."""
+    """Rates from the counters of the kernel."""
 
     def flow(self, network: Network, name: str, seconds: float = 0.3):
-        """What came to a port in some time."""
+        """Return the flow to a port during some time."""
         traffic = Traffic()
         traffic.flows([])
         clock.sleep(seconds)
         return traffic.flows(survey(network)).get(name)
 
     def test_messages_over_tcp(self, network: Network):
-        """Messages are counted by their acknowledgements, bytes as they come.
+        """Messages are counted by their acknowledgements, and bytes as they arrive.
 
-        The kernel's counts are read within two moments at the beginning, and within two at the end.
+        The kernel's counters are read between two moments at the beginning, and between two at the end.
         """
         arrived: list[object] = []
         traffic = Traffic()
@@ -111,7 +111,7 @@ class TestTraffic:
         assert found.bandwidth / found.rate == pytest.approx(_MESSAGE, abs=2)
 
     def test_bytes_over_fast_tcp(self, network: Network):
-        """Where nothing is acknowledged nobody can tell messages from outside."""
+        """Without acknowledgements the rate of messages is unknown, and the bandwidth is known."""
         with Port("/a", network=network) as a, Port("/b", _ignore, network=network):
             a.add_output("/b", "fast_tcp")
             with writing(a):
@@ -120,7 +120,7 @@ class TestTraffic:
         assert found.bandwidth > 100
 
     def test_answers_are_not_taken_for_acknowledgements(self, network: Network):
-        """Questions have no rate: what comes back is more than the eight bytes of an acknowledgement."""
+        """The rate of requests is unknown, because replies are longer than acknowledgements."""
         with RpcServer("/b", lambda question: question, network=network), RpcClient("/a", "/b", network=network) as a:
             traffic = Traffic()
             traffic.flows([])
@@ -131,7 +131,7 @@ class TestTraffic:
         assert found.bandwidth > 0
 
     def test_silence(self, network: Network):
-        """A connection on which nothing comes has a rate of nothing; a port without connections has none."""
+        """An idle connection has the rate 0, and a port without inputs has no flow."""
         with Port("/a", network=network) as a, Port("/b", _ignore, network=network):
             a.add_output("/b")
             found = self.flow(network, "/b", 0.05)
@@ -140,10 +140,10 @@ class TestTraffic:
 
 
 class TestTap:
-    """A reader that counts."""
+    """A reader that counts messages."""
 
     def test_counts_messages_and_bytes(self, network: Network):
-        """Of any carrier; afterwards the port sends there no more."""
+        """The tap counts messages and bytes, and is disconnected afterwards."""
         with Port("/a", network=network) as a:
             with Tap(network, Contact("/a"), "tcp") as tap:
                 for _ in range(10):
@@ -155,14 +155,14 @@ class TestTap:
             assert a.outputs == ()
 
     def test_a_port_that_is_missing(self, network: Network):
-        """Nothing stays open."""
+        """The tap of a missing port is an error, and leaves no port open."""
         with pytest.raises(MiddlewareError, match="/none"):
             Tap(network, Contact("/none"))
         assert network.names.list() == []
 
 
 def test_the_kernel_counts_both_ends():
-    """Bytes and segments of a connection, as seen from each end."""
+    """Both ends of a connection have counters of bytes and segments."""
     with socket.create_server(("127.0.0.1", 0)) as listening:
         with socket.create_connection(listening.getsockname()) as near, listening.accept()[0] as far:
             ends = tcp_counters.Endpoints(near.getsockname(), far.getsockname())

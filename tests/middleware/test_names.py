@@ -1,4 +1,4 @@
-"""Contacts: every way in which a port may be written."""
+"""Contacts: the ways to write a port."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ from rtf.middleware.wire.contact import Contact, is_host
     ],
 )
 def test_are_read(text: str, contact: Contact):
-    """Names and addresses, with and without a carrier."""
+    """A contact is a name or an address, with or without a carrier."""
     assert Contact.parse(text) == contact
 
 
 @pytest.mark.parametrize("text", ["", "reader", "tcp:", "tcp:reader", ":/reader", "127.0.0.1:5", "a/b:/c", " /a"])
 def test_that_are_none(text: str):
-    """The error shows what a name looks like."""
+    """The error about an invalid contact shows a valid name."""
     with pytest.raises(AddressError, match="begins with '/', such as"):
         Contact.parse(text)
 
@@ -56,12 +56,12 @@ def test_that_are_none(text: str):
     ],
 )
 def test_are_written_as_yarp_does(contact: Contact, text: str):
-    """An address where it is known, else the name."""
+    """A contact is written as its address, or its name if the address is unknown."""
     assert str(contact) == text
 
 
 def test_validity_and_carrier():
-    """Valid is what can be connected to."""
+    """A contact is valid if it has a host and a port number."""
     contact = Contact("/a", "127.0.0.1", 10002, "tcp")
     assert contact.valid
     assert contact.by("udp") == Contact("/a", "127.0.0.1", 10002, "udp")
@@ -73,20 +73,20 @@ def test_validity_and_carrier():
     "host", ["127.0.0.1", "::1", "fe80::1", "::ffff:1.2.3.4", "localhost", "icub-head.lab.example", "a_b", "host."]
 )
 def test_hosts(host: str):
-    """Addresses and names of machines."""
+    """Addresses and host names are valid hosts."""
     assert is_host(host)
 
 
 @given(st.text(max_size=80))
 def test_hosts_can_be_resolved_without_surprise(text: str):
-    """What passes for a host can be written in the resolver's encoding."""
+    """A valid host can be encoded for the resolver."""
     if is_host(text):
         text.encode("idna")
 
 
 @given(st.text(max_size=60) | st.text(alphabet="/:.[]0123456789tcpa+", max_size=30))
 def test_any_text(text: str):
-    """A contact or the error; what was written of it means the same."""
+    """Any text is a contact that reads back, or raises AddressError."""
     try:
         contact = Contact.parse(text)
     except AddressError:

@@ -1,4 +1,4 @@
-"""What the ports of a process share: where names are found, and where a port listens."""
+"""The network: it looks names up, and opens the addresses of ports."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rtf.middleware.wire.contact import Contact
 
 
 class Giving(LocalNames):
-    """Gives the port that registers without a number this one, and counts."""
+    """Names that register a port at this number, and count registrations."""
 
     def __init__(self, number: int, host: str = "127.0.0.1") -> None:
         super().__init__(host=host)
@@ -29,16 +29,16 @@ class Giving(LocalNames):
 
 @pytest.fixture
 def squatter():
-    """Somebody who listens."""
+    """A socket that occupies a port number."""
     with socket.create_server(("127.0.0.1", 0)) as listening:
         yield listening
 
 
 class TestResolve:
-    """From a contact to an address."""
+    """Looking up the address of a contact."""
 
     def test_a_name(self):
-        """Is asked for; its carrier is the registered one, unless another is meant."""
+        """A name is looked up; the contact's carrier replaces the registered one."""
         names = LocalNames()
         there = names.register("/a", host="127.0.0.1", port=5, carrier="udp")
         network = Network(names)
@@ -47,22 +47,22 @@ class TestResolve:
         assert network.resolve(Contact("/b")) is None
 
     def test_an_address(self):
-        """Nobody is asked."""
+        """An address is returned without a look-up."""
         contact = Contact.parse("tcp://127.0.0.1:5/a")
         assert Network(LocalNames()).resolve(contact) == contact
 
     def test_a_name_without_a_number(self):
-        """Is not where it could be connected to yet."""
+        """A name that is registered without a port number is not found."""
         names = LocalNames()
         names.register("/a")
         assert Network(names).resolve(Contact("/a")) is None
 
 
 class TestOpening:
-    """Where a port listens."""
+    """The address at which a port listens."""
 
     def test_where_the_name_server_says(self):
-        """It is registered once then."""
+        """A port listens at the number of the name server, and is registered once."""
         with listen("127.0.0.1", 0) as probe:
             number = probe.getsockname()[1]
         names = Giving(number)
@@ -73,7 +73,7 @@ class TestOpening:
         assert names.asked == 1
 
     def test_elsewhere_when_that_is_taken(self, squatter: socket.socket):
-        """And the name server gets the request."""
+        """If the number is in use, the port takes another one, and registers it with its type."""
         names = Giving(squatter.getsockname()[1])
         listening, contact = Network(names).open_address("/a", "yarp/image")
         with listening:
@@ -82,14 +82,14 @@ class TestOpening:
             assert list(names.get_property("/a", "type")) == ["yarp/image"]
 
     def test_nowhere(self):
-        """An address of another machine: the error says which, and the name is free again."""
+        """An address of another machine is an error, and the name is unregistered."""
         names = Giving(5, host="192.0.2.77")
         with pytest.raises(ConnectError, match=r"/a cannot listen on 192\.0\.2\.77: "):
             Network(names).open_address("/a")
         assert names.query("/a") is None
 
     def test_at_a_number_that_is_fixed(self, squatter: socket.socket):
-        """By the environment: there or nowhere."""
+        """A number of the environment is used, or is an error if it is in use."""
         number = squatter.getsockname()[1]
         names = LocalNames()
         network = Network(names, opening=lambda name: Opening(f"/lab{name}", number))
@@ -102,7 +102,7 @@ class TestOpening:
 
     @pytest.mark.parametrize("name", ["a", "a/b", "tcp://a"])
     def test_names_begin_with_a_slash(self, name: str):
-        """The error shows one that does; also when a prefix lacks it."""
+        """The error about an invalid name shows a valid one, also if a prefix is invalid."""
         names = LocalNames()
         with pytest.raises(AddressError, match="begins with '/', such as"):
             Network(names).open_address(name)
@@ -111,7 +111,7 @@ class TestOpening:
         assert names.list() == []
 
     def test_without_a_name(self):
-        """The name server makes one."""
+        """A port without a name gets one from the names."""
         listening, contact = Network(LocalNames()).open_address("")
         listening.close()
         assert contact.name == "/tmp/port/1"

@@ -1,4 +1,4 @@
-"""Several messages on their way at once: all arrive, by every carrier that acknowledges."""
+"""Several messages on their way at once, by every carrier with acknowledgements."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ COUNT = 3 * MOST
 @pytest.mark.parametrize("together", [1, 5])
 @pytest.mark.parametrize("carrier", ["tcp", "text_ack", "unix_stream+ack", "local"])
 def test_when_it_has_settled_everybody_has_got_everything(network: Network, carrier: str, together: int):
-    """In order and with their envelopes, also when more are sent than may be on their way, or are kept together."""
+    """After ``settle`` all messages have arrived, in order and with envelopes, singly or in batches."""
     came: list[tuple[str, Bottle]] = []
 
     def take(delivery: IncomingMessage) -> None:
@@ -38,7 +38,7 @@ def test_when_it_has_settled_everybody_has_got_everything(network: Network, carr
 
 @pytest.mark.parametrize("carrier", ["tcp", "text_ack", "local"])
 def test_what_is_kept_is_told_as_it_was(network: Network, carrier: str):
-    """Anyone who gets bytes or text; in this process it is the object itself."""
+    """A waiting message is sent as it was written; by ``local`` the object itself arrives."""
     came: list[Bottle] = []
 
     def take(delivery: IncomingMessage) -> None:
@@ -56,7 +56,7 @@ def test_what_is_kept_is_told_as_it_was(network: Network, carrier: str):
 
 @pytest.mark.parametrize("size", [10, 50_000, 300_000])
 def test_messages_of_any_size_are_sent_together(network: Network, size: int):
-    """Small ones are joined, large ones are not copied."""
+    """Batches of small and of large messages arrive whole."""
     came: list[bytes] = []
 
     def take(delivery: IncomingMessage) -> None:
@@ -72,7 +72,7 @@ def test_messages_of_any_size_are_sent_together(network: Network, size: int):
 
 
 def test_it_does_not_wait_for_a_reader_that_works(network: Network):
-    """To settle means to wait for all that are on their way."""
+    """``write`` does not wait for the reader, and ``settle`` does."""
     may_go, came = threading.Event(), []
 
     def take(delivery: IncomingMessage) -> None:

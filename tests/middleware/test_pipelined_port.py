@@ -1,4 +1,4 @@
-"""The posting port: it sends without waiting, and settles with all readers at once."""
+"""The pipelined port: it writes without waiting, and waits for all readers at once."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Reader:
-    """Somebody who is sent messages, and may be slow with them."""
+    """A reader that keeps messages, and can be made to wait."""
 
     def __init__(self, name: str, network: Network) -> None:
         self.heard: list[int] = []
@@ -30,13 +30,13 @@ class Reader:
         self.heard.append(int(delivery.read().get(0)))
 
     def close(self) -> None:
-        """Hear no more."""
+        """End the waiting, and close the port."""
         self.go_on.set()
         self.port.close()
 
 
 def test_it_does_not_wait_until_it_settles(network: Network):
-    """What is written is on its way; when it has settled every reader has dealt with it, in order."""
+    """``write`` returns at once; after ``settle`` every reader has all messages, in order."""
     with ExitStack() as opened:
         readers = [opened.enter_context(closing(Reader(f"/reader{number}", network))) for number in range(3)]
         port = opened.enter_context(closing(PipelinedPort("/post", network=network)))
@@ -56,7 +56,7 @@ def test_it_does_not_wait_until_it_settles(network: Network):
 
 
 def test_messages_are_kept_until_there_are_enough_of_them(network: Network):
-    """Then they leave, or when they are told to, or when it settles; in order, and as they were when written."""
+    """A batch is sent when it is full, or by ``flush`` or ``settle``, in order and as it was written."""
     with ExitStack() as opened:
         reader = opened.enter_context(closing(Reader("/reader", network)))
         keeps = opened.enter_context(closing(PipelinedPort("/keeps", network=network, together=3)))
@@ -81,7 +81,7 @@ def test_messages_are_kept_until_there_are_enough_of_them(network: Network):
 
 
 def test_a_reader_that_is_too_slow_is_cut_off(network: Network, said: list[str]):
-    """After its patience the port goes on without it, says so, and the others have missed nothing."""
+    """A reader that exceeds the patience is disconnected with a report; others get all messages."""
     with ExitStack() as opened:
         slow, quick = (opened.enter_context(closing(Reader(name, network))) for name in ("/slow", "/quick"))
         port = opened.enter_context(closing(PipelinedPort("/post", network=network, patience=0.2)))
@@ -99,7 +99,7 @@ def test_a_reader_that_is_too_slow_is_cut_off(network: Network, said: list[str])
 
 
 def test_a_reader_that_goes_away_is_let_go(network: Network):
-    """Between two messages, or before it has dealt with the last one."""
+    """A closed reader is removed, and the others get all messages."""
     with ExitStack() as opened:
         gone, stays = (opened.enter_context(closing(Reader(name, network))) for name in ("/gone", "/stays"))
         port = opened.enter_context(closing(PipelinedPort("/post", network=network, patience=1.0)))

@@ -1,4 +1,4 @@
-"""The port: who waits for whom, what is listed, and how it ends."""
+"""The port: waiting, lists of connections, and closing."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ if TYPE_CHECKING:
 
 
 def in_thread(work: object, *arguments: object) -> threading.Thread:
-    """Do something in a thread of its own."""
+    """Run a function in a thread."""
     thread = threading.Thread(target=work, args=arguments, daemon=True)  # type: ignore[arg-type]
     thread.start()
     return thread
 
 
 class TestConnecting:
-    """Two may want the same connection."""
+    """Two threads that make the same connection."""
 
     def test_two_who_connect_at_the_same_time_leave_one_connection(self, network: Network):
-        """Both ends keep the same one of the two, whichever was quicker: what is written arrives."""
+        """Both ends keep the same one of two simultaneous connections."""
         for number in range(150):
             names = f"/reader{number}", f"/writer{number}"
             with Port(names[0], network=network) as reader, Port(names[1], network=network) as writer:
@@ -53,7 +53,7 @@ class TestConnecting:
         ids=["udp", "fast_tcp", "text", "text_ack"],
     )
     def test_a_caller_is_listed_before_it_gets_its_reply(self, network: Network, handshake: bytes, monkeypatch):
-        """Anyone who has connected finds itself among the inputs: until the port lists the caller, no reply is sent."""
+        """A port lists a caller before it answers the handshake."""
         early: list[bool] = []
         joined = Port.input_opened
 
@@ -72,10 +72,10 @@ class TestConnecting:
 
 
 class TestReading:
-    """A plain port: senders wait until their message is read."""
+    """A plain port: writers wait until their message is read."""
 
     def test_writer_waits_for_the_reader(self, network: Network):
-        """A write comes back when the message has been read, not before."""
+        """A write returns after the message has been read."""
         written = threading.Event()
         with Port("/reader", network=network) as reader, Port("/writer", network=network) as writer:
             writer.add_output("/reader")
@@ -88,7 +88,7 @@ class TestReading:
             thread.join()
 
     def test_messages_of_one_sender_keep_their_order(self, network: Network):
-        """However fast they are sent."""
+        """Messages of one writer are read in order."""
         with Port("/reader", network=network) as reader, Port("/writer", network=network) as writer:
             writer.add_output("/reader", "fast_tcp")
             for number in range(100):
@@ -96,13 +96,13 @@ class TestReading:
             assert [reader.read(timeout=5)[0] for _ in range(100)] == [*range(100)]
 
     def test_reader_that_waits_too_long_is_told(self, network: Network):
-        """With the port's name."""
+        """A read that times out raises an error with the port's name."""
         with Port("/reader", network=network) as reader, pytest.raises(WaitTimeoutError, match="/reader within"):
             reader.read(timeout=0.01)
 
     @pytest.mark.parametrize("end", ["interrupt", "close"])
     def test_reader_is_woken(self, network: Network, end: str):
-        """An interrupt and a close end a wait."""
+        """Interrupting or closing a port ends a read."""
         woken: list[BaseException] = []
         reader = Port("/reader", network=network)
 
@@ -119,7 +119,7 @@ class TestReading:
         assert woken
 
     def test_interrupted_port_throws_messages_away(self, network: Network):
-        """And takes them again afterwards; its senders are not held up."""
+        """An interrupted port drops messages without delaying writers, until it is resumed."""
         with Port("/reader", network=network) as reader, Port("/writer", network=network) as writer:
             writer.add_output("/reader")
             reader.interrupt()
@@ -130,7 +130,7 @@ class TestReading:
             thread.join()
 
     def test_a_reader_may_reply(self, network: Network):
-        """In the block in which it has the message."""
+        """A reader can reply within the block of ``request``."""
         with Port("/server", network=network) as server, RpcClient("/client", "/server", network=network) as client:
 
             def serve() -> None:
@@ -143,10 +143,10 @@ class TestReading:
 
 
 class TestBuffered:
-    """A buffered port: nobody waits for anybody."""
+    """A buffered port: readers and writers do not wait for each other."""
 
     def test_newest_is_kept(self, network: Network):
-        """What nobody has read is dropped for what comes after it."""
+        """A message that was not read is replaced by the next one, and counted as dropped."""
         with BufferedPort("/reader", network=network) as reader, Port("/writer", network=network) as writer:
             writer.add_output("/reader")
             for number in range(10):
@@ -156,7 +156,7 @@ class TestBuffered:
             assert reader.dropped == 9
 
     def test_strict_keeps_all(self, network: Network):
-        """In their order."""
+        """A strict port keeps all messages, in order."""
         with (
             BufferedPort("/reader", strict=True, network=network) as reader,
             Port("/writer", network=network) as writer,
@@ -168,7 +168,7 @@ class TestBuffered:
             assert [reader.read(timeout=5)[0] for _ in range(10)] == [*range(10)]
 
     def test_poll_does_not_wait(self, network: Network):
-        """It has something or nothing."""
+        """``poll`` returns a message or None, without waiting."""
         with BufferedPort("/reader", network=network) as reader, Port("/writer", network=network) as writer:
             assert reader.poll() is None
             writer.add_output("/reader")
@@ -177,7 +177,7 @@ class TestBuffered:
             assert reader.poll() is None
 
     def test_callback_gets_each_in_a_thread_of_its_own(self, network: Network):
-        """With sender and envelope."""
+        """The callback gets value, sender and envelope, in a thread of the port."""
         got: list[tuple[object, ...]] = []
 
         def call(received: object) -> None:
@@ -190,7 +190,7 @@ class TestBuffered:
         assert got == [(Bottle([1]), "/writer", "7 0.5", "rtf-callback /reader")]
 
     def test_busy_reader_is_skipped(self, network: Network):
-        """A write does not wait for an output that is still busy; a strict one does."""
+        """A write skips an output that is still busy; a strict one waits for it."""
         leave = threading.Event()
         seen: list[object] = []
 
@@ -210,7 +210,7 @@ class TestBuffered:
         assert seen == [0, *range(2, 20)]
 
     def test_replier_answers_questions(self, network: Network):
-        """Messages that want a reply do not go into the queue."""
+        """Requests go to the replier, not into the queue."""
 
         def reply(delivery: IncomingMessage) -> None:
             delivery.reply(Bottle(["ok"]))
@@ -223,7 +223,7 @@ class TestBuffered:
             assert reader.pending == 0
 
     def test_object_may_be_changed_after_the_write(self, network: Network):
-        """What was written is what arrives."""
+        """A change of the object after ``write`` does not change the message."""
         with BufferedPort("/reader", network=network) as reader, BufferedPort("/writer", network=network) as writer:
             writer.add_output("/reader")
             bottle = Bottle([1])
@@ -233,10 +233,10 @@ class TestBuffered:
 
 
 class TestRpc:
-    """Questions and answers."""
+    """Requests and replies."""
 
     def test_each_client_gets_its_own_answers(self, network: Network):
-        """Many at the same time."""
+        """Each of several clients gets the replies to its own requests."""
 
         def client(number: int, wrong: list[object]) -> None:
             with RpcClient(f"/client/{number}", "/server", network=network) as port:
@@ -253,7 +253,7 @@ class TestRpc:
         assert wrong == []
 
     def test_server_takes_no_output_and_client_one(self, network: Network):
-        """And they say so as YARP's do."""
+        """A server has no outputs and a client has one, with YARP's errors."""
         with RpcServer("/server", lambda question: question, network=network) as server:
             with pytest.raises(ConnectError, match="Outputs not allowed"):
                 server.add_output("/server")
@@ -264,7 +264,7 @@ class TestRpc:
                 client.add_output("/server")
 
     def test_answer_that_does_not_come_is_not_waited_for(self, network: Network):
-        """And one that comes late is never taken for that to another question."""
+        """A request that times out closes its connection, so that its late reply is not taken for the next."""
         leave = threading.Event()
 
         def slowly(question: Bottle) -> Bottle:
@@ -285,7 +285,7 @@ class TestRpc:
             assert client.call(Bottle(["quick"]), timeout=5) == Bottle(["quick"])
 
     def test_handler_that_breaks_costs_its_client_the_connection(self, network: Network, said: list[str]):
-        """The server lives on, and the network hears of it."""
+        """An error of the handler closes the client's connection, and is reported; the server goes on."""
 
         def handle(question: Bottle) -> Bottle:
             raise ConnectError(f"no {question[0]} here")
@@ -299,10 +299,10 @@ class TestRpc:
 
 
 class TestManyReaders:
-    """Fan-out and fan-in."""
+    """Ports with several readers."""
 
     def test_all_readers_get_everything(self, network: Network):
-        """A write returns how many have it."""
+        """A write reaches all readers, and returns their number."""
         readers = [BufferedPort(f"/reader/{number}", strict=True, network=network) for number in range(20)]
         with Port("/writer", network=network) as writer:
             for number, reader in enumerate(readers):
@@ -315,7 +315,7 @@ class TestManyReaders:
             reader.close()
 
     def test_a_reader_that_breaks_costs_nobody_else_anything(self, network: Network):
-        """The others still get the message of that very write."""
+        """If one reader fails, the others get the same message."""
         with BufferedPort("/good", strict=True, network=network) as good, Port("/writer", network=network) as writer:
             with socket.create_server(("127.0.0.1", 0)) as listening:
                 thread = in_thread(_accept_and_break, listening)
@@ -339,7 +339,7 @@ class TestEnd:
     """Closing."""
 
     def test_closed_port_says_so(self, network: Network):
-        """Whatever is asked of it."""
+        """Every call of a closed port raises PortClosedError."""
         port = Port("/port", network=network)
         port.close()
         port.close()
@@ -349,7 +349,7 @@ class TestEnd:
         assert network.names.query("/port") is None
 
     def test_close_is_possible_in_a_callback(self, network: Network):
-        """The port does not wait for itself."""
+        """A callback can close its own port."""
         closed = threading.Event()
 
         def close(delivery: IncomingMessage) -> None:
@@ -363,7 +363,7 @@ class TestEnd:
             assert closed.wait(5)
 
     def test_close_ends_a_write_that_hangs(self, network: Network):
-        """A reader that never reads must not keep the writer from closing."""
+        """Closing a writer ends its write to a reader that does not read."""
         with Port("/reader", network=network):
             writer = Port("/writer", network=network)
             writer.add_output("/reader")
@@ -374,7 +374,7 @@ class TestEnd:
             assert not thread.is_alive()
 
     def test_thousand_connections_leave_nothing(self, network: Network):
-        """No descriptor and no thread; the fixture looks."""
+        """A thousand connections leave no descriptor and no thread."""
         with BufferedPort("/reader", network=network) as reader, Port("/writer", network=network) as writer:
             writer.add_output("/reader")  # now everything is there that will be
             writer.remove_output("/reader")

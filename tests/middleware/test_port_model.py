@@ -44,7 +44,7 @@ SOON = 5.0
 
 @dataclass
 class Model:
-    """What a port that is read from promises. Results are values, numbers, or the classes of errors."""
+    """The model of a port with inputs. Results are values, numbers, or the classes of errors."""
 
     kind: str
     connected: set[str] = field(default_factory=set)
@@ -61,15 +61,15 @@ class Model:
 
     @property
     def pending(self) -> int:
-        """What a buffered port keeps."""
+        """The number of messages in the queue."""
         return len(self.queue)
 
     def arrives(self, writer: str) -> bool:
-        """Whether what is written now can be read."""
+        """Return whether a message that is written now can be read."""
         return writer in self.connected and not self.interrupted
 
     def write(self, writer: str, value: int) -> int:
-        """How many have it, once the write comes back."""
+        """Return the number of readers that the write reaches."""
         if self.arrives(writer):
             if self.kind == NEWEST and self.queue:
                 self.queue.clear()
@@ -78,23 +78,23 @@ class Model:
         return int(writer in self.connected)
 
     def read(self) -> int | type[Exception]:
-        """The first value, or why there is none."""
+        """Return the first value, or the class of the error."""
         if self.queue and not (self.kind == PLAIN and self.closed):
             return self.queue.pop(0)[1]
         return PortClosedError if self.interrupted else WaitTimeoutError
 
     def interrupt(self) -> None:
-        """Writers wait no longer: a plain port has nothing that could be kept."""
+        """Interrupt: writers stop waiting, and a plain port keeps no message."""
         self.interrupted = True
         if self.kind == PLAIN:
             self.queue.clear()
 
     def resume(self) -> None:
-        """Only of use while it is open."""
+        """Resume, unless the port is closed."""
         self.interrupted = self.closed
 
     def close(self) -> None:
-        """As if it was interrupted for good, and alone."""
+        """Close: interrupt for good, and remove the connections."""
         self.interrupt()
         self.closed = True
         self.connected.clear()
@@ -110,14 +110,14 @@ class Call:
         self._thread.start()
 
     def result(self) -> object:
-        """What it returned, or the class of the error that it raised; it must have come back by now, or soon."""
+        """The value that the call returned, or the class of its error; the call must end soon."""
         self._thread.join(SOON)
         assert not self._thread.is_alive(), "the call has not come back"
         return self._result
 
     @property
     def waits(self) -> bool:
-        """Whether it has not come back."""
+        """Whether the call has not returned."""
         return self._thread.is_alive()
 
     def _run(self) -> None:
@@ -125,7 +125,7 @@ class Call:
 
 
 def outcome(work: Callable[[], object]) -> object:
-    """The result of a call, or the class of its error."""
+    """Return the result of a call, or the class of its error."""
     try:
         return work()
     except RtfError as error:
@@ -133,7 +133,7 @@ def outcome(work: Callable[[], object]) -> object:
 
 
 class Ports(RuleBasedStateMachine):
-    """One port that is read from and two that write to it, beside the model."""
+    """A port with inputs, two writers, and the model."""
 
     kind = PLAIN
 
@@ -162,11 +162,11 @@ class Ports(RuleBasedStateMachine):
 
     @rule(writer=st.sampled_from(WRITERS), carrier=CARRIERS)
     def reconnect(self, writer: str, carrier: str) -> None:
-        """At any time."""
+        """Connect a writer at any time."""
         self.connect(writer, carrier)
 
     def connect(self, writer: str, carrier: str) -> None:
-        """A connection that is there is replaced; to a port that is closed there is none."""
+        """Connect a writer, which replaces its connection; a closed port cannot be connected."""
         if writer in self.model.busy:
             return
         made = outcome(lambda: self.writers[writer].add_output("/reader", carrier).name)
@@ -180,7 +180,7 @@ class Ports(RuleBasedStateMachine):
     @precondition(lambda self: self.written % 4 == 3)  # so that most of what is written arrives
     @rule(writer=st.sampled_from(WRITERS))
     def disconnect(self, writer: str) -> None:
-        """It says whether there was a connection; to a port that is closed there may still be half of one."""
+        """Disconnect; the result tells whether there was a connection, unless the port is closed."""
         if writer in self.model.busy:
             return
         was = self.writers[writer].remove_output("/reader")
@@ -189,12 +189,12 @@ class Ports(RuleBasedStateMachine):
 
     @rule(writers=st.lists(st.sampled_from(WRITERS), min_size=1, max_size=3))
     def write(self, writers: list[str]) -> None:
-        """Several times in a row."""
+        """Write several messages in a row."""
         for writer in writers:
             self.write_once(writer)
 
     def write_once(self, writer: str) -> None:
-        """To a plain port it waits, and everything else comes back."""
+        """Write; to a plain port the call waits, otherwise it returns."""
         if writer in self.model.busy:
             return
         number = self.written = self.written + 1
@@ -220,14 +220,14 @@ class Ports(RuleBasedStateMachine):
     @precondition(lambda self: self.reading is None)
     @rule()
     def read(self) -> None:
-        """It gets what comes next, and its writer goes on; or it hears why not."""
+        """Read the next value, which ends its writer's wait, or get the error."""
         limit = SOON if self.model.queue else 0.0
         self.compare_reading(outcome(lambda: self.reader.read(timeout=limit)[0]))
 
     @precondition(lambda self: self.reading is None and not self.model.queue and not self.model.interrupted)
     @rule()
     def begin_to_read(self) -> None:
-        """It waits, until something comes or somebody says that nothing will."""
+        """Begin to read in a thread, which waits for a message."""
         plain = self.model.kind == PLAIN
         changed = self.reader._handoff._changed if plain else self.reader._arrived
         self.reading = Call(lambda: self.reader.read()[0])
@@ -236,14 +236,14 @@ class Ports(RuleBasedStateMachine):
     @precondition(lambda self: self.reading is None and self.model.kind != PLAIN)
     @rule()
     def poll(self) -> None:
-        """It never waits, and never raises."""
+        """Poll, which never waits and never raises."""
         got = self.reader.poll()
         assert (None if got is None else got[0]) == (self.model.read() if self.model.queue else None)
 
     @precondition(lambda self: self.written % 3 == 2)
     @rule(how_often=st.integers(1, 2))
     def interrupt(self, how_often: int) -> None:
-        """All who wait go on."""
+        """Interrupt, which ends all waits."""
         for _ in range(how_often):
             self.reader.interrupt()
         self.model.interrupt()
@@ -251,7 +251,7 @@ class Ports(RuleBasedStateMachine):
 
     @rule()
     def interrupt_and_resume(self) -> None:
-        """Anyone who reads is woken, however short it was; what a writer waits with need not be thrown away."""
+        """Interrupt and resume at once: readers are woken, and waiting messages may stay."""
         if self.model.busy:
             return
         self.reader.interrupt()
@@ -262,21 +262,21 @@ class Ports(RuleBasedStateMachine):
 
     @rule()
     def resume(self) -> None:
-        """It changes nothing for a port that is closed."""
+        """Resume, which does not change a closed port."""
         self.reader.resume()
         self.model.resume()
 
     @precondition(lambda self: self.written > 4)  # else most sequences are those of closed ports
     @rule()
     def close(self) -> None:
-        """All who wait go on; a write that was not read may have been cut off."""
+        """Close, which ends all waits; a message that was not read may be lost."""
         self.reader.close()
         self.model.close()
         self.end_waiting({0, 1})
 
     @invariant()
     def agree(self) -> None:
-        """Everything that can be looked at is as the model has it."""
+        """Compare all properties with the model."""
         assert self.reader.interrupted == self.model.interrupted
         assert self.reader.closed == self.model.closed
         if self.model.kind != PLAIN:
@@ -293,7 +293,7 @@ class Ports(RuleBasedStateMachine):
         return sorted(one.sender for one in self.reader.inputs)
 
     def compare_reading(self, got: object) -> None:
-        """What a read came to; a writer that waited for it has come back."""
+        """Compare the result of a read with the model; a writer that waited for it has returned."""
         before = self.model.busy
         assert got == self.model.read()
         for writer in before - self.model.busy:
@@ -301,13 +301,13 @@ class Ports(RuleBasedStateMachine):
         self.await_message()
 
     def end_reading(self) -> None:
-        """The read that waited comes back."""
+        """Check that the waiting read returns."""
         assert self.reading is not None
         got, self.reading = self.reading.result(), None
         self.compare_reading(got)
 
     def end_waiting(self, written: set[int]) -> None:
-        """Nobody waits any longer."""
+        """Check that all waiting calls return."""
         if self.reading is not None:
             self.end_reading()
         for call in self.writes.values():
@@ -315,7 +315,7 @@ class Ports(RuleBasedStateMachine):
         self.writes.clear()
 
     def teardown(self) -> None:
-        """Close everything."""
+        """Close all ports."""
         if hasattr(self, "reader"):
             for port in (self.reader, *self.writers.values()):
                 port.close()
@@ -323,7 +323,7 @@ class Ports(RuleBasedStateMachine):
 
 @pytest.mark.parametrize("kind", [PLAIN, STRICT, NEWEST])
 def test_ports_keep_what_the_model_promises(network: Network, kind: str):
-    """Values, their order, counts and errors are the model's; afterwards no thread and no descriptor is left."""
+    """Values, order, counts and errors are those of the model, and nothing is left open."""
     run_state_machine_as_test(
         type("Ports", (Ports,), {"kind": kind}),
         settings=settings(

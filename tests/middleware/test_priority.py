@@ -39,7 +39,7 @@ def priority(sender: str, settings: str = "") -> Priority:
 
 
 def group(*members: Priority) -> PriorityGroup:
-    """Return a group of connections which reports to nobody, as there is nothing to report."""
+    """Return a group of connections; a report fails the test."""
     made = PriorityGroup(pytest.fail)
     for member in members:
         made.add(member)
@@ -47,11 +47,11 @@ def group(*members: Priority) -> PriorityGroup:
 
 
 class TestDecisions:
-    """Which messages are delivered."""
+    """The messages that are delivered."""
 
     @pytest.mark.parametrize("version", ["3.12.3", "4.0.0"])
     def test_are_those_of_yarp(self, version: str):
-        """Recorded beside a real port: three writers that pause now and then, with weights, a rest, a virtual one."""
+        """Decisions are those recorded at a port of YARP, with weights, rests, and a virtual connection."""
         lines = [line for line in (DATA / version / "priority.txt").read_text().splitlines() if line[:1] != "#"]
         settings = [line.split(" ", 1) for line in lines if line[0] == "/"]
         members = {name: of_input(name, split(f"tcp+{text}")[1]) for name, text in settings}
@@ -62,7 +62,7 @@ class TestDecisions:
         assert len({(name, accepted) for _, name, accepted in decided}) > len(members)  # both decisions occur
 
     def test_larger_bias_takes_over_and_gives_back(self):
-        """For ``tc`` seconds after its last message."""
+        """A connection with a larger bias blocks others for ``tc`` seconds after its last message."""
         high, low = priority("/high", "bs.20+tc.2"), priority("/low")
         chosen = group(low, high)
         assert chosen.accepts(low, 10.0)
@@ -71,7 +71,7 @@ class TestDecisions:
         assert chosen.accepts(low, 12.2)
 
     def test_oldest_of_equal_ones(self):
-        """As long as it sends."""
+        """Of connections with equal bias the first active one delivers while it is active."""
         first, second = priority("/first"), priority("/second")
         chosen = group(first, second)
         assert chosen.accepts(first, 1.0)
@@ -80,7 +80,7 @@ class TestDecisions:
         assert chosen.accepts(first, 2.2)
 
     def test_stimulation_adds_up(self):
-        """A message of half of it delivers nothing; the second one in time does."""
+        """Stimulations of several messages add up, until the connection delivers."""
         shy = priority("/shy", "st.6")
         chosen = group(shy)
         assert [chosen.accepts(shy, at) for at in (1.0, 2.5, 2.6, 2.7)] == [False, False, True, True]
@@ -92,7 +92,7 @@ class TestDecisions:
         assert [chosen.accepts(worker, at) for at in (5.0, 5.9, 6.1, 7.9, 8.1)] == [True, True, False, False, True]
 
     def test_virtual_one_acts_on_others(self):
-        """It delivers nothing itself, and here it silences another one."""
+        """A virtual connection delivers nothing, and can inhibit others."""
         chosen = group(speaker := priority("/speaker"), mute := priority("/mute", "virtual+(ex (/speaker -10))"))
         assert chosen.accepts(speaker, 1.0)
         assert not chosen.accepts(mute, 1.1)
@@ -100,7 +100,7 @@ class TestDecisions:
         assert chosen.accepts(speaker, 2.2)
 
     def test_gone_one_counts_no_more(self):
-        """The next one has its turn at once."""
+        """A removed connection does not block others any more."""
         chosen = group(high := priority("/high", "bs.20"), low := priority("/low"))
         assert chosen.accepts(high, 1.0)
         assert not chosen.accepts(low, 1.1)
@@ -108,7 +108,7 @@ class TestDecisions:
         assert chosen.accepts(low, 1.2)
 
     def test_contradicting_weights(self):
-        """Two that excite each other without end: nothing is delivered, and that is reported once."""
+        """Connections that excite each other without bound deliver nothing, which is reported once."""
         said: list[str] = []
         chosen = PriorityGroup(said.append)
         one, two = priority("/one", "(ex (/two 10))"), priority("/two", "(ex (/one 10))")
@@ -143,7 +143,7 @@ class TestDecisions:
 
 
 class TestSettings:
-    """What may be written."""
+    """The modifiers of a priority."""
 
     @pytest.mark.parametrize(
         ("modifiers", "words"),
@@ -156,12 +156,12 @@ class TestSettings:
         ],
     )
     def test_unknown_ones_are_refused(self, modifiers: str, words: str):
-        """By their names."""
+        """An unknown modifier or setting is refused by name."""
         with pytest.raises(ProtocolError, match=words):
             of_input("/a", split(f"tcp+{modifiers}")[1])
 
     def test_none(self):
-        """Settings of the sending side are its own affair."""
+        """A connection without receiving modifiers has no priority."""
         assert of_input("/a", "") is of_input("/a", "(send portmonitor) (file x)") is of_input("/a", "(ack)") is None
         assert of_input("/a", "(send portmonitor) (file x) (recv priority)") is not None
         assert of_input("/a", "(ack) (recv priority) (tc 1)") is not None
@@ -169,13 +169,13 @@ class TestSettings:
 
 @pytest.fixture
 def got() -> list[str]:
-    """The messages that were delivered."""
+    """The delivered messages."""
     return []
 
 
 @pytest.fixture
 def reader(network: Network, got: list[str]) -> Iterator[Port]:
-    """A port that several others send to."""
+    """A port with several writers."""
 
     def receive(message: IncomingMessage) -> None:
         got.append(message.read().to_text())
@@ -186,7 +186,7 @@ def reader(network: Network, got: list[str]) -> Iterator[Port]:
 
 
 class Watch(rtf.clock.Clock):
-    """A clock of a robot that shows what it was set to."""
+    """A clock that the test sets."""
 
     at = 100.0
 
@@ -202,7 +202,7 @@ class TestPorts:
 
     @pytest.mark.parametrize("carrier", ["tcp", "text_ack", "unix_stream+ack"])
     def test_important_writer_takes_over(self, network: Network, reader: Port, got: list[str], carrier: str):
-        """By any carrier, by the clock of the robot; each end lists the connection with its modifiers."""
+        """The priority applies to every carrier, by the robot's clock, and both ends list the modifiers."""
         with (
             Port("/high", network=network) as high,
             Port("/low", network=network) as low,
@@ -226,7 +226,7 @@ class TestPorts:
             assert got == ["low 1", "high 1", "low 3"]
 
     def test_datagrams(self, network: Network, reader: Port, got: list[str]):
-        """Their handshakes have the modifiers, too."""
+        """A connection by datagrams has its modifiers, too."""
         with Port("/writer", network=network) as writer:
             writer.add_output("/reader", "udp+recv.priority+virtual")
             assert [one.carrier for one in reader.inputs if one.peer == "/writer"] == ["udp+recv.priority+virtual"]
@@ -241,7 +241,7 @@ class TestPorts:
             assert got == ["1", "2"]
 
     def test_dropped_request(self, network: Network, reader: Port, got: list[str]):
-        """Has an empty reply, so nobody waits for ever."""
+        """A request that is not delivered has an empty reply, so that the client does not wait."""
         with Port("/writer", network=network) as writer:
             writer.add_output("/reader", "tcp+recv.priority+virtual")
             message = OutgoingMessage("d", Bottle([1]), BOTTLE, network.dialect)
@@ -263,7 +263,7 @@ class TestPorts:
         ],
     )
     def test_refused(self, network: Network, reader: Port, said: list[str], carrier: str, words: str):
-        """A message names the modifier, at the end that does not know it."""
+        """An unknown modifier is refused, by the end that would have to know it."""
         with Port("/writer", network=network) as writer:
             with pytest.raises(ConnectError, match=words):
                 writer.add_output("/reader", carrier)
@@ -272,7 +272,7 @@ class TestPorts:
             eventually(lambda: any("no modifier recv.portmonitor" in line for line in said), "nothing is reported")
 
     def test_settings_are_asked_for_and_changed(self, network: Network, reader: Port):
-        """As with YARP's ports: in the units of the formulas, so that fractions are possible."""
+        """Settings can be read and changed by administration, as with YARP's ports."""
         with Port("/writer", network=network) as writer:
             carrier = "tcp+recv.priority+tc.2+(ex (/b -20))"
             assert remote.connect(network, Contact(writer.name), Contact(reader.name), carrier).startswith(

@@ -1,4 +1,4 @@
-"""Quality of service: what the sockets and the threads have afterwards, and who is refused."""
+"""Quality of service: the settings of sockets and threads, and refused requests."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ if TYPE_CHECKING:
 
 @pytest.fixture
 def reader(network: Network) -> Iterator[BufferedPort[Bottle]]:
-    """A port that is sent to."""
+    """A port with an input."""
     with BufferedPort("/reader", network=network) as made:
         yield made
 
 
 @pytest.fixture
 def writer(network: Network, reader: Port) -> Iterator[Port]:
-    """A port that sends to it in the thread of anyone who writes."""
+    """A port that writes to ``reader`` in the thread of the caller."""
     with Port("/writer", network=network) as made:
         made.add_output("/reader")
         eventually(lambda: reader.inputs, "the writer has not come")
@@ -46,7 +46,7 @@ def writer(network: Network, reader: Port) -> Iterator[Port]:
 
 @pytest.fixture
 def real_time() -> None:
-    """What needs a right that not everybody has."""
+    """Skip the test if this user may not use real-time priorities."""
     refused: list[QosError] = []
 
     def attempt() -> None:
@@ -63,30 +63,30 @@ def real_time() -> None:
 
 
 def tos(connection: Connection) -> int:
-    """What the kernel marks its packets with."""
+    """Return the type of service of the connection's packets."""
     assert connection.socket is not None
     return connection.socket.getsockopt(socket.IPPROTO_IP, socket.IP_TOS)
 
 
 def scheduled(thread: int) -> tuple[int, int]:
-    """The policy and priority of a thread, as the kernel has them."""
+    """Return policy and priority of a thread, as the kernel has them."""
     return os.sched_getscheduler(thread), os.sched_getparam(thread).sched_priority
 
 
 def command(port: Port, name: str, settings: str) -> str:
-    """Ask a port for something, as an administrator types it."""
+    """Send a request to a port as a person types it, and return the reply."""
     return remote.administer(port.network, port.contact, Bottle.parse(f"prop set {name} {settings}")).to_text()
 
 
 class TestTables:
-    """Names and numbers."""
+    """The names and numbers of levels and classes."""
 
     def test_levels(self):
-        """YARP's four, as type of service."""
+        """YARP's four levels have their types of service."""
         assert {level: Qos.of_level(level).tos for level in LEVELS} == {"LOW": 40, "NORM": 0, "HIGH": 144, "CRIT": 176}
 
     def test_classes(self):
-        """All of the standard, by name in any case, or by number."""
+        """Every DSCP class is known by name, in any case, and by number."""
         numbers = {"CS0": 0, "CS7": 56, "AF11": 10, "AF12": 12, "AF43": 38, "VA": 44, "EF": 46}
         assert {name: Qos.of_dscp(name.lower()).tos for name in numbers} == {
             name: number << 2 for name, number in numbers.items()
@@ -96,17 +96,17 @@ class TestTables:
 
     @pytest.mark.parametrize("wrong", ["", "64", "-1", "AF44", "HIGH"])
     def test_no_class(self, wrong: str):
-        """The error lists those there are."""
+        """The error about an unknown class lists the known ones."""
         with pytest.raises(QosError, match=r"is not a DSCP class; the known ones are CS0, .*, EF"):
             Qos.of_dscp(wrong)
 
     def test_no_level(self):
-        """Likewise."""
+        """The error about an unknown level lists the known ones."""
         with pytest.raises(QosError, match="'MAX' is not a packet priority; the known ones are LOW, NORM, HIGH, CRIT"):
             Qos.of_level("MAX")
 
     def test_settings(self):
-        """What is sent is what is read; what is left alone is sent as -1, as YARP's library does."""
+        """Settings are the same after encoding and decoding; those to be kept are sent as -1, as YARP does."""
         text = Bottle(Qos(tos=40).to_settings()).to_text()
         assert text == "(sched ((policy -1) (priority -1))) (qos ((tos 40)))"
         for one in (Qos(), Qos(40), Qos(0, 1, 30), Qos(policy=0, priority=0)):
@@ -114,7 +114,7 @@ class TestTables:
 
 
 class TestPackets:
-    """The type of service is on the socket, at the end that was asked."""
+    """The type of service, at the end of the connection that was asked."""
 
     @pytest.mark.parametrize("carrier", ["tcp", "fast_tcp", "udp", "mcast", "text_ack"])
     @pytest.mark.parametrize(
@@ -129,7 +129,7 @@ class TestPackets:
         ],
     )
     def test_from_the_wire(self, writer: Port, reader: Port, carrier: str, settings: str, wanted: int):
-        """By level, class or number, for every carrier of packets; and it is told again."""
+        """A request sets the type of service by level, class or number, for every carrier; a query returns it."""
         before = {*reader.inputs}
         writer.add_output("/reader", carrier)
         eventually(lambda: {*reader.inputs} - before, "the writer has not come again")
@@ -140,7 +140,7 @@ class TestPackets:
         assert tos(writer.outputs[0]) == 0
 
     def test_from_code(self, writer: Port, reader: Port):
-        """A port sets its own end; the other has its own."""
+        """A port sets the type of service of its own end only."""
         writer.set_qos("/reader", Qos.of_level("CRIT"))
         reader.set_qos("/writer", Qos.of_dscp("EF"))
         assert (tos(writer.outputs[0]), tos(reader.inputs[0])) == (176, 184)
@@ -150,7 +150,7 @@ class TestPackets:
             writer.set_qos("/nobody", Qos())
 
     def test_from_elsewhere(self, writer: Port, reader: Port):
-        """Both ends at once, and each with its own."""
+        """A third party sets both ends, with the same or with different settings."""
         network, source, target = writer.network, Contact("/writer"), Contact("/reader")
         remote.set_connection_qos(network, source, target, Qos.of_level("HIGH"))
         assert (tos(writer.outputs[0]), tos(reader.inputs[0])) == (144, 144)
@@ -159,7 +159,7 @@ class TestPackets:
         assert (tos(writer.outputs[0]), tos(reader.inputs[0])) == (144, 40)
 
     def test_no_connection(self, writer: Port):
-        """The error names the ports."""
+        """The error about a missing connection names both ports."""
         network, ends = writer.network, (Contact("/writer"), Contact("/nobody"))
         with pytest.raises(ConnectError, match=r"/writer did not set .* for its connection with /nobody"):
             remote.set_connection_qos(network, *ends, Qos(tos=40))
@@ -168,7 +168,7 @@ class TestPackets:
 
     @pytest.mark.parametrize("wrong", ["(priority MAX)", "(dscp AF44)", "(dscp 64)", "(tos 256)"])
     def test_unknown_names(self, writer: Port, said: list[str], wrong: str):
-        """Are refused, the reason is told where the port lives, and nothing changes."""
+        """A request with an unknown name is refused and reported by the port, and changes nothing."""
         writer.set_qos("/reader", Qos(tos=40))
         assert command(writer, "/reader", f"(qos ({wrong}))") == "[fail]"
         assert tos(writer.outputs[0]) == 40
@@ -177,11 +177,11 @@ class TestPackets:
 
 
 class TestThreads:
-    """Policy and priority are the kernel's."""
+    """Policy and priority of the threads of connections."""
 
     @pytest.mark.usefixtures("real_time")
     def test_of_an_input(self, writer: Port, reader: Port):
-        """The thread that receives has them, and no other."""
+        """A request changes the thread of the input, and no other."""
         assert command(reader, "/writer", "(sched ((priority 30) (policy 1)))") == "[ok]"
         assert scheduled(reader.inputs[0].thread) == (os.SCHED_FIFO, 30)
         assert scheduled(threading.get_native_id()) == (os.SCHED_OTHER, 0)
@@ -192,7 +192,7 @@ class TestThreads:
 
     @pytest.mark.usefixtures("real_time")
     def test_of_an_output(self, network: Network, reader: Port):
-        """That of a buffered port has a thread."""
+        """The output of a buffered port has a thread, whose priority can be set."""
         with BufferedPort("/buffered", network=network) as port:
             port.add_output("/reader")
             eventually(lambda: port.outputs[0].thread, "its thread has not begun")
@@ -200,7 +200,7 @@ class TestThreads:
             assert scheduled(port.outputs[0].thread) == (os.SCHED_FIFO, 5)
 
     def test_of_whoever_writes(self, writer: Port, said: list[str]):
-        """Is not the port's to change, and it says so; what is the usual anyway is no request."""
+        """An output without a thread refuses a real-time priority, and accepts the normal one."""
         with pytest.raises(QosError, match="the connection with /reader has no thread of its own"):
             writer.set_qos("/reader", Qos(policy=os.SCHED_FIFO, priority=5))
         assert command(writer, "/reader", "(sched ((priority 30) (policy 1)))") == "[fail]"
@@ -210,7 +210,7 @@ class TestThreads:
 
     @pytest.mark.parametrize("wrong", ["(policy 1)", "(policy 1) (priority 100)", "(policy 99)", "(priority 5)"])
     def test_what_there_is_not(self, writer: Port, reader: Port, wrong: str):
-        """Real time without a priority, priorities out of range, unknown policies: refused, and nothing changes."""
+        """An invalid policy or priority is refused, and changes nothing."""
         assert command(reader, "/writer", f"(sched ({wrong}))") == "[fail]"
         assert scheduled(reader.inputs[0].thread) == (os.SCHED_OTHER, 0)
 
@@ -248,7 +248,7 @@ print(json.dumps({"answers": answers, "policies": sorted(policies), "said": said
 
 
 def in_a_process(rights: str, *settings: str) -> dict[str, object]:
-    """What becomes of requests in a process of its own."""
+    """Send requests to ports in another process, with or without rights; return replies, policies and reports."""
     done = subprocess.run(
         [sys.executable, "-c", _CHILD, rights, json.dumps(settings)],
         capture_output=True,
@@ -262,18 +262,18 @@ def in_a_process(rights: str, *settings: str) -> dict[str, object]:
 
 
 class TestProcess:
-    """A request under the port's own name is for all threads of its process."""
+    """A request with the port's own name, which applies to all threads of its process."""
 
     @pytest.mark.usefixtures("real_time")
     def test_all_threads(self):
-        """Those that are there; and the port tells it of its process."""
+        """The request changes all threads, and the port's description has the new policy."""
         found = in_a_process("with rights", "/reader (process ((priority 30) (policy 1)))")
         assert found["answers"] == ["[ok]"]
         assert found["policies"] == [[os.SCHED_FIFO, 30]]
         assert "(policy 1) (priority 30)))" in str(found["facts"])
 
     def test_without_rights(self):
-        """Nothing is changed, the answer says that it failed, and the port's owner is told what is missing."""
+        """Without the right the request fails, changes nothing, and is reported with the missing right."""
         settings = ("/reader (process ((priority 30) (policy 1)))", "/writer (sched ((priority 30) (policy 1)))")
         found = in_a_process("without rights", *settings)
         assert found["answers"] == ["[fail]", "[fail]"]
@@ -288,6 +288,6 @@ class TestProcess:
         ]
 
     def test_nothing_wanted(self):
-        """The usual is always granted."""
+        """A request for the normal policy is granted without any right."""
         settings = ("/reader (process ((priority 0)))", "/reader (process ((priority 0) (policy 0)))", "/reader 5")
         assert in_a_process("without rights", *settings)["answers"] == ["[ok]"] * 3

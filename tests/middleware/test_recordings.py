@@ -1,7 +1,6 @@
-"""Conversations between the ports of real programs of YARP 3.12.3 and 4.0.0, replayed in both roles.
+"""Conversations between ports of YARP 3.12.3 and 4.0.0, replayed in both roles.
 
-Port numbers, process ids and the texts of help differ from machine to machine, and from us; all else is the same to
-the byte.
+Port numbers, process ids and the texts of help differ between machines, and from ours; all other bytes are the same.
 """
 
 from __future__ import annotations
@@ -30,17 +29,17 @@ version = pytest.mark.parametrize("version", VERSIONS)
 
 
 def recorded(version: str, name: str) -> list[tuple[str, bytes]]:
-    """A conversation: directions and bytes."""
+    """Return a conversation: directions and bytes."""
     return segments(recordings(version, "ports.json")[name])
 
 
 @version
 @pytest.mark.parametrize("carrier", ["tcp", "fast_tcp", "text", "text_ack"])
 class TestWriterAndReader:
-    """What a writer sent and a reader answered."""
+    """The recorded conversations of a writer and a reader."""
 
     def test_reader_answers_as_recorded(self, network: Network, version: str, carrier: str):
-        """Our port takes the place of the reader: it gets the messages, and answers with the same bytes."""
+        """Our reader gets the recorded messages, and sends the recorded bytes."""
         network.dialect = VERSIONS[version]
         with BufferedPort(f"/rd_{carrier}", strict=True, network=network) as reader:
             with socket.create_connection((reader.contact.host, reader.contact.port), timeout=10) as connection:
@@ -58,7 +57,7 @@ class TestWriterAndReader:
                 assert same(reader.read(timeout=5), Bottle.parse(text))
 
     def test_writer_sends_as_recorded(self, network: Network, version: str, carrier: str):
-        """Our port takes the place of the writer: against the recorded answers it sends the same bytes."""
+        """Our writer gets the recorded bytes, and sends the recorded ones."""
         network.dialect = VERSIONS[version]
         with (
             socket.create_server(("127.0.0.1", 0)) as listening,
@@ -75,7 +74,7 @@ class TestWriterAndReader:
 
 @version
 def test_datagrams_arrive_as_recorded(network: Network, version: str):
-    """The handshake, the datagrams, and the text connection by which their sender says that it is done."""
+    """Our reader gets the recorded datagrams, and ends the connection at the recorded text command."""
     network.dialect = VERSIONS[version]
     with BufferedPort("/rd_udp", strict=True, network=network) as reader:
         address = (reader.contact.host, reader.contact.port)
@@ -98,7 +97,7 @@ def test_datagrams_arrive_as_recorded(network: Network, version: str):
 
 @version
 def test_datagrams_are_sent_as_recorded(network: Network, version: str):
-    """Checksum, counter, index and data."""
+    """Our writer sends the recorded datagrams."""
     network.dialect = VERSIONS[version]
     with (
         socket.create_server(("127.0.0.1", 0)) as listening,
@@ -122,7 +121,7 @@ def test_datagrams_are_sent_as_recorded(network: Network, version: str):
 
 @version
 def test_administration_is_answered_as_recorded(network: Network, version: str):
-    """Byte for byte where nothing varies; the same keys in the same order where something does."""
+    """Replies have the recorded bytes, or the same keys in the same order where values vary."""
     network.dialect = dialect = VERSIONS[version]
     segments = recorded(version, "admin")
     with (
@@ -145,7 +144,7 @@ def test_administration_is_answered_as_recorded(network: Network, version: str):
 
 
 def read_answer(connection: socket.socket, dialect: Dialect) -> bytes:
-    """A handshake or an acknowledgement, or a bottle and the acknowledgement after it."""
+    """Read a handshake or an acknowledgement, or a bottle and the acknowledgement after it."""
     data = receive(connection, 8)
     while not data.startswith(b"YA"):
         try:
@@ -158,12 +157,12 @@ def read_answer(connection: socket.socket, dialect: Dialect) -> bytes:
 
 
 def shape(answer: bytes, dialect: Dialect) -> list[str]:
-    """The first words of an answer."""
+    """Return the words of an answer."""
     return decode_from(answer, 0, dialect)[0].to_text().split(" ")
 
 
 def keys(value: object) -> object:
-    """The keys of groups and what kind of value each has."""
+    """Return the keys of groups, and the type of each value."""
     if isinstance(value, Bottle):
         return [keys(item) for item in value]
     if hasattr(value, "to_bottle"):

@@ -1,4 +1,4 @@
-"""What real robots said and were asked, replayed: a stream with envelopes, and questions with their answers."""
+"""Recorded conversations with robots: a stream with envelopes, and requests with their replies."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ QUESTIONS = [(version, number) for version in VERSIONS for number in range(len(R
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("expected", [Dialect.YARP3, Dialect.YARP4])
 def test_state_of_an_arm_streams_in(network: Network, version: str, expected: Dialect):
-    """Vectors and stamps, acknowledged as recorded, also when the other dialect was expected."""
+    """Our reader decodes the recorded vectors and stamps, also if it expects the other dialect."""
     network.dialect = expected
     talk = segments(RECORDED[version]["state"])
     with BufferedPort("/rd", VECTOR, strict=True, network=network) as reader:
@@ -48,7 +48,7 @@ def test_state_of_an_arm_streams_in(network: Network, version: str, expected: Di
 
 @pytest.mark.parametrize(("version", "number"), QUESTIONS, ids=str)
 def test_questions_are_put_as_recorded(network: Network, version: str, number: int):
-    """The same bytes go out, and the answer, of whatever service, is read whole."""
+    """Our client sends the recorded bytes, and decodes the recorded replies."""
     network.dialect = VERSIONS[version]
     talk = segments(RECORDED[version]["questions"][number])
     with (
@@ -63,7 +63,7 @@ def test_questions_are_put_as_recorded(network: Network, version: str, number: i
 
 
 def pairs(talk: list[tuple[str, bytes]], dialect: Dialect) -> list[tuple[Bottle, Bottle | None]]:
-    """The questions of a conversation, and what was answered."""
+    """Return the requests of a conversation with their replies."""
     found = []
     for (way, question), (_, answer) in pairwise(talk):
         if way == ">" and question.startswith(framing.yarp_number(10)) and b"~d\0\1" in question[:42]:

@@ -1,6 +1,6 @@
-"""What ports promise to threads, under every schedule of small programs.
+"""The rules of ports for threads, under every schedule of small programs.
 
-Ports are connected by ``local`` and without a handshake, so that nothing but threads of the program takes part.
+Ports are connected by ``local`` and without a handshake, so that only threads of the program take part.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ SHARED = {Port: ("interrupted", "_closed", "_outputs"), BufferedPort: ("_ended",
 
 
 class Deaf:
-    """In place of the listener, whose thread has nothing to do where nobody calls."""
+    """Replaces the listener, whose thread the programs do not need."""
 
     def add(self, listening: socket.socket, take: object) -> None:
         """See Listener."""
@@ -52,7 +52,7 @@ class Scene:
         self.network = network
 
     def explore(self, program: Callable[[Control], None], preemptions: int = 2) -> None:
-        """All schedules of a program with ports."""
+        """Run all schedules of a program with ports."""
         with mock.patch.object(port, "SHARED_LISTENER", Deaf()):
             explore(program, *MODULES, preemptions=preemptions, shared=SHARED)
 
@@ -60,7 +60,7 @@ class Scene:
     def pair(
         self, control: Control, reader: Callable[[], Port], writer: type[Port] = Port, *, connected: bool = True
     ) -> Iterator[tuple[Any, Any]]:
-        """Two ports that are made, connected and closed undisturbed."""
+        """Yield two ports that are opened, connected and closed without other schedules."""
         with control.undisturbed():
             reads, writes = reader(), writer("/writer", network=self.network)
             if connected:
@@ -71,28 +71,28 @@ class Scene:
             reads.close()
 
     def reader(self, **options: object) -> BufferedPort[Bottle]:
-        """One that keeps all."""
+        """Return a buffered port that keeps all messages."""
         return BufferedPort("/reader", network=self.network, strict=True, **options)  # type: ignore[arg-type]
 
     def plain(self) -> Port:
-        """One whose messages wait for anyone who reads them."""
+        """Return a plain port, whose writers wait for the reader."""
         return Port("/reader", network=self.network)
 
 
 def output_to(writer: Port, reader: Port) -> Output:
-    """A connection within this process that nobody needed to ask for."""
+    """Return a connection within this process, without a handshake."""
     link = local.LocalOutput(local.Local(), Stream(socket.socket()), writer.name, reader)
     return Output(link, reader.contact.by("local"), lambda: writer.network.dialect)
 
 
 @pytest.fixture
 def scene(network: Network) -> Scene:
-    """Where the programs play."""
+    """The network of the programs."""
     return Scene(network)
 
 
 class Readings:
-    """What readings of a port came to."""
+    """The results of reading a port."""
 
     def __init__(self, port: Port) -> None:
         self.port = port
@@ -101,7 +101,7 @@ class Readings:
         self.late = 0
 
     def read(self, timeout: float | None = None) -> None:
-        """Read once."""
+        """Read once, and keep the result."""
         try:
             self.got.append(self.port.read(timeout=timeout)[0])
         except PortClosedError:
@@ -111,7 +111,7 @@ class Readings:
 
 
 class TestEither:
-    """A port, whether it keeps what comes or has it wait."""
+    """Plain and buffered ports."""
 
     @pytest.fixture(params=[Scene.plain, Scene.reader], ids=["plain", "buffered"])
     def make(self, request: pytest.FixtureRequest, scene: Scene) -> Callable[[], Port]:
@@ -119,7 +119,7 @@ class TestEither:
         return partial(request.param, scene)
 
     def test_read_with_a_limit_and_write_and_close(self, scene: Scene, make: Callable[[], Port]):
-        """A message is read, or left unread at the end; the reader is told which."""
+        """A read with a timeout has exactly one result: a message, a closed port, or the timeout."""
 
         def program(control: Control) -> None:
             with scene.pair(control, make) as (reader, writer):
@@ -137,7 +137,7 @@ class TestEither:
         scene.explore(program)
 
     def test_two_readers_of_which_one_does_not_wait_long(self, scene: Scene, make: Callable[[], Port]):
-        """A message is for one of them, and never for none: another one is written if the hasty one has it."""
+        """A message goes to one of two readers, and is not lost if the other one times out."""
 
         def program(control: Control) -> None:
             with scene.pair(control, make) as (reader, writer):
@@ -164,9 +164,9 @@ class TestEither:
         scene.explore(program)
 
     def test_interrupt_wakes_whoever_reads(self, scene: Scene, make: Callable[[], Port]):
-        """Also when the port is resumed at once, before the reader has had its turn.
+        """An interrupt wakes a waiting reader, also if the port is resumed at once.
 
-        A second interrupt is for it only if it came late.
+        The second interrupt is only for a reader that did not wait yet.
         """
 
         def program(control: Control) -> None:
@@ -186,7 +186,7 @@ class TestEither:
         scene.explore(program)
 
     def test_resume_does_not_open_what_is_closed(self, scene: Scene, make: Callable[[], Port]):
-        """A reader of a port that is closed meanwhile gets an error, whatever a third thread does."""
+        """A reader of a port that is closed gets an error, also if another thread resumes the port."""
 
         def program(control: Control) -> None:
             with scene.pair(control, make) as (reader, _):
@@ -201,7 +201,7 @@ class TestPort:
     """A plain port."""
 
     def test_write_write_read_close(self, scene: Scene):
-        """Whatever is written is read first, or nobody holds the writer up."""
+        """A written message is read first; closing the reader ends the next write."""
 
         def program(control: Control) -> None:
             with scene.pair(control, scene.plain) as (reader, writer):
@@ -223,7 +223,7 @@ class TestPort:
         scene.explore(program)
 
     def test_interrupt_and_resume_at_the_same_time(self, scene: Scene):
-        """The port is either, altogether."""
+        """After interrupt and resume at once the parts of the port agree on its state."""
 
         def program(control: Control) -> None:
             with scene.pair(control, scene.plain) as (reader, _):
@@ -234,7 +234,7 @@ class TestPort:
         scene.explore(program)
 
     def test_connecting_twice_leaves_one_connection(self, scene: Scene):
-        """A connection to the same port is replaced, also when two threads make one."""
+        """Two threads that connect the same ports leave one connection."""
 
         def program(control: Control) -> None:
             with scene.pair(control, scene.plain) as (reader, writer):
@@ -250,10 +250,10 @@ class TestPort:
 
 
 class TestBuffered:
-    """A buffered port, which keeps all that comes."""
+    """A buffered port that keeps all messages."""
 
     def test_strict_writes_are_read_whatever_happens_to_the_writer(self, scene: Scene):
-        """No message is lost, doubled, or overtaken by another one, when reads and interrupts come in between."""
+        """Strict messages arrive once and in order, also if the writer is interrupted between them."""
 
         def program(control: Control) -> None:
             with scene.pair(control, scene.reader, BufferedPort) as (reader, writer):
@@ -274,7 +274,7 @@ class TestBuffered:
         scene.explore(program)
 
     def test_strict_writers_wait_for_each_other(self, scene: Scene):
-        """Neither is skipped because the other one's message is still on its way."""
+        """Two strict writes at once are both sent."""
 
         def program(control: Control) -> None:
             with scene.pair(control, scene.reader, BufferedPort) as (reader, writer):
@@ -292,7 +292,7 @@ class TestBuffered:
         scene.explore(program)
 
     def test_read_and_interrupt(self, scene: Scene):
-        """A reader gets the messages before the interrupt, in order, or an error."""
+        """A reader gets messages in order until the interrupt, then an error."""
 
         def program(control: Control) -> None:
             with scene.pair(control, scene.reader) as (reader, writer):
@@ -312,7 +312,7 @@ class TestBuffered:
         scene.explore(program)
 
     def test_callback_interrupt_and_close(self, scene: Scene):
-        """Its thread ends with the port, and calls for each object once at most."""
+        """The callback's thread ends with the port, and calls at most once for each message."""
 
         def program(control: Control) -> None:
             called = []
@@ -335,7 +335,7 @@ class TestBuffered:
         scene.explore(program)
 
     def test_callback_interrupt_and_resume(self, scene: Scene):
-        """What came before is not lost, but called for when the port is resumed."""
+        """Messages before an interrupt reach the callback after the port is resumed."""
 
         def program(control: Control) -> None:
             called = []
@@ -362,7 +362,7 @@ class TestBuffered:
         scene.explore(program)
 
     def test_connect_and_close(self, scene: Scene):
-        """No thread is left for a connection that was made while the port was closed."""
+        """A connection that is made while the port closes leaves no thread."""
 
         def program(control: Control) -> None:
             with scene.pair(control, scene.reader, BufferedPort, connected=False) as (reader, writer):
@@ -379,7 +379,7 @@ class TestBuffered:
         scene.explore(program)
 
     def test_connect_and_disconnect(self, scene: Scene):
-        """What is written goes to the outputs that are listed, and to no other."""
+        """A write reaches the listed outputs only, whatever the order of connecting and disconnecting."""
 
         def program(control: Control) -> None:
             with scene.pair(control, scene.reader, BufferedPort, connected=False) as (reader, writer):
@@ -397,7 +397,7 @@ class TestBuffered:
         scene.explore(program)
 
     def test_strict_write_and_disconnect(self, scene: Scene):
-        """A connection that ends while it is written to holds nobody up, and its thread ends."""
+        """Removing an output ends a strict write to it, and the output's thread."""
 
         def program(control: Control) -> None:
             with scene.pair(control, scene.reader, BufferedPort) as (reader, writer):

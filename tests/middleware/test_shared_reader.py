@@ -1,4 +1,4 @@
-"""Ports that only keep what comes: one thread reads all their streams, and nobody can tell from outside."""
+"""The shared reader: one thread reads all inputs of non-blocking ports, without a visible difference."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 class Keeper(Port):
-    """A port that keeps numbers, and the threads in which they came."""
+    """A non-blocking port that keeps numbers, and the names of the threads that read them."""
 
     def __init__(self, name: str, network: Network) -> None:
         self.came: list[object] = []
@@ -43,13 +43,13 @@ class Keeper(Port):
 
 
 def threads_of_inputs() -> int:
-    """How many threads wait for one connection each."""
+    """Return the number of threads that read one connection each."""
     return sum(thread.name.startswith("rtf-input") for thread in threading.enumerate())
 
 
 @pytest.fixture
 def pair(network: Network) -> Iterator[tuple[PipelinedPort, Keeper]]:
-    """A writer that is connected to a keeper by tcp, which is gathered."""
+    """A writer and a keeper, whose connection is read by the shared reader."""
     with Keeper("/keeper", network) as keeper, PipelinedPort("/writer", network=network) as writer:
         writer.add_output("/keeper", "tcp")
         writer.write(Bottle([0]))
@@ -59,10 +59,10 @@ def pair(network: Network) -> Iterator[tuple[PipelinedPort, Keeper]]:
 
 
 class TestStreams:
-    """What arrives."""
+    """Messages by the shared reader."""
 
     def test_many_streams_are_read_by_one_thread(self, network: Network):
-        """From the second message on; all of them arrive, in order, and are acknowledged."""
+        """All messages of many streams are read by one thread from the second on, in order, and acknowledged."""
         before = threads_of_inputs()
         keepers = [Keeper(f"/keeper{number}", network) for number in range(12)]
         writers = [PipelinedPort(f"/writer{number}", network=network, together=3) for number in range(12)]
@@ -84,7 +84,7 @@ class TestStreams:
 
     @pytest.mark.parametrize("carrier", ["fast_tcp", "text_ack", "udp", "unix_stream+ack", "local"])
     def test_other_carriers_carry_as_ever(self, network: Network, carrier: str):
-        """Whether they are gathered or not."""
+        """Messages by every other carrier arrive, too."""
         with Keeper("/keeper", network) as keeper, Port("/writer", network=network) as writer:
             writer.add_output("/keeper", carrier)
             for number in range(10):
@@ -92,7 +92,7 @@ class TestStreams:
                 eventually(lambda number=number: keeper.came == [*range(number + 1)], "it did not come")  # type: ignore[misc]
 
     def test_what_is_large_has_a_thread_of_its_own(self, pair: tuple[PipelinedPort, Keeper]):
-        """It would hold the others up; it arrives all the same, and so does what follows."""
+        """A large message is read by a thread of its own, so that it does not delay other streams."""
         writer, keeper = pair
         writer.write(Bottle([1, "x" * 300_000]))
         writer.write(Bottle([2]))
@@ -103,7 +103,7 @@ class TestStreams:
     @pytest.mark.parametrize("specifier", [131, 3], ids=["tcp", "fast_tcp"])
     @pytest.mark.parametrize("gathered", [True, False])
     def test_nothing_more_comes_from_whom_was_hung_up_on(self, network: Network, gathered: bool, specifier: int):
-        """What it has sent already is older than what comes from the same port by a new connection."""
+        """After an input is removed, messages that it has sent before are dropped."""
 
         class Impatient(Keeper):
             def _keep(self, delivery: IncomingMessage) -> None:
@@ -125,7 +125,7 @@ class TestStreams:
             assert keeper.came == [0, 1, 2, 3]
 
     def test_a_question_has_a_thread_of_its_own(self, network: Network):
-        """Who answers may take its time: here until another stream has brought something."""
+        """A request is handled in a thread of its own, so that other streams go on meanwhile."""
 
         class Answering(Keeper):
             def _keep(self, delivery: IncomingMessage) -> None:
@@ -149,16 +149,16 @@ class TestStreams:
 
 
 class TestEnds:
-    """How a connection ends."""
+    """The end of connections by the shared reader."""
 
     def test_the_writer_leaves(self, pair: tuple[PipelinedPort, Keeper]):
-        """The keeper knows of it, without another message."""
+        """The input is removed when its writer closes, without another message."""
         writer, keeper = pair
         writer.close()
         eventually(lambda: not keeper.inputs, "it is still connected")
 
     def test_the_keeper_hangs_up(self, pair: tuple[PipelinedPort, Keeper]):
-        """The writer notices with its next message."""
+        """A writer whose connection was closed removes its output with the next message."""
         writer, keeper = pair
         assert keeper.remove_input("/writer")
         eventually(lambda: not keeper.inputs, "it is still connected")
@@ -170,7 +170,7 @@ class TestEnds:
     def test_what_makes_no_sense_costs_its_sender_the_connection_and_nobody_else(
         self, network: Network, said: list[str]
     ):
-        """It is reported, and the other streams go on."""
+        """An error in a message closes its connection with a report, and no other one."""
 
         class Fussy(Keeper):
             def _keep(self, delivery: IncomingMessage) -> None:
@@ -197,7 +197,7 @@ class TestEnds:
             assert any("/bad was cut off: that is bad" in line for line in said)
 
     def test_who_does_not_take_its_acknowledgements_is_cut_off(self, network: Network, said: list[str]):
-        """It would hold up everybody else."""
+        """A writer that does not read acknowledgements is disconnected, because it would block the thread."""
         with Keeper("/keeper", network) as keeper, raw(keeper) as caller:
             message = framed(_ONE)
             caller.sendall(message)
@@ -208,7 +208,7 @@ class TestEnds:
             assert any("does not read what is sent to it" in line for line in said)
 
     def test_a_thread_cannot_be_given_another_priority(self, pair: tuple[PipelinedPort, Keeper]):
-        """It is not its own; the requester gets an error."""
+        """Setting the priority of a shared thread is refused."""
         _, keeper = pair
         with pytest.raises(QosError, match="one thread reads all streams"):
             keeper.set_qos("/writer", Qos(policy=1, priority=30))
@@ -218,12 +218,12 @@ _ONE = encode(Bottle([1]))
 
 
 def framed(body: bytes, key: str = "D") -> bytes:
-    """A message of data, or one that asks."""
+    """Return a framed message, or a request."""
     return framing.front(key, "", len(body)) + body
 
 
 def raw(keeper: Port, specifier: int = 131) -> socket.socket:
-    """A connection by tcp, or by what the number says, that was made by hand."""
+    """Connect to a keeper by a carrier, without a port."""
     caller = socket.create_connection((keeper.contact.host, keeper.contact.port))
     name = b"/caller\0"
     caller.sendall(framing.header(specifier) + struct.pack("<i", len(name)) + name)
@@ -234,7 +234,7 @@ def raw(keeper: Port, specifier: int = 131) -> socket.socket:
 @given(st.lists(st.binary(max_size=200), min_size=1, max_size=8), st.data())
 @settings(deadline=None, max_examples=40)  # threads have to be woken
 def test_messages_arrive_however_they_are_cut(words: list[bytes], data: st.DataObject):
-    """Each piece is on its way alone; all are acknowledged."""
+    """Messages arrive and are acknowledged, however their bytes are split."""
     whole = b"".join(framed(encode(Bottle([word]))) for word in words)
     cuts = sorted(data.draw(st.lists(st.integers(0, len(whole)), max_size=6)))
     pieces = [whole[begin:end] for begin, end in zip([0, *cuts], [*cuts, len(whole)], strict=True)]

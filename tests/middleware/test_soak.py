@@ -1,6 +1,6 @@
-"""Streams between processes for a while: the rates are kept, and nothing grows.
+"""Streams between processes for a while: rates are kept, and nothing grows.
 
-Three seconds are enough to see a leak in each message or connection; ``RTF_SOAK=3600`` makes it an hour.
+Three seconds show a leak in each message or connection; ``RTF_SOAK=3600`` makes it an hour.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ class Flow(NamedTuple):
 
     @property
     def target(self) -> str:
-        """The port that receives it."""
+        """The name of the receiving port."""
         return f"/reader/{self.carrier}/{self.size}"
 
 
@@ -150,7 +150,7 @@ def _has_not_grown(before: dict[str, int], after: dict[str, int], who: str) -> N
 
 @pytest.mark.timeout(SECONDS + 60)
 def test_rates_are_kept_and_nothing_grows(server: NameServer):
-    """Six processes send to one that receives."""
+    """Streams of several processes to one keep their rates, without more memory, threads or descriptors."""
     reader = _start(_READER, server.contact, *(flow.target for flow in FLOWS))
     processes = [reader]
     try:

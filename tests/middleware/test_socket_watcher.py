@@ -1,4 +1,4 @@
-"""One thread for many sockets: what is added is heard, what is removed is not, and what breaks breaks alone."""
+"""The socket watcher: one thread reads many sockets, and an error in one does not affect others."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture
 def watcher() -> Iterator[SocketWatcher]:
-    """A watcher of whose thread and descriptors nothing may be left."""
+    """A watcher; it must leave no thread and no descriptor."""
     threads, descriptors = set(threading.enumerate()), open_descriptors()
     yield SocketWatcher("watcher")
     eventually(lambda: set(threading.enumerate()) <= threads, "a thread is left")
@@ -25,7 +25,7 @@ def watcher() -> Iterator[SocketWatcher]:
 
 
 class Ear:
-    """A socket whose messages are kept, and the other end of it."""
+    """A watched socket that keeps what it receives, and its peer."""
 
     def __init__(self, watcher: SocketWatcher) -> None:
         self.near, self.far = socket.socketpair()
@@ -39,20 +39,20 @@ class Ear:
         self.came.set()
 
     def hears(self) -> bool:
-        """Whether what is said now is heard."""
+        """Return whether bytes that the peer sends now are received."""
         self.came.clear()
         self.far.send(b"hello")
         return self.came.wait(5)
 
     def close(self) -> None:
-        """Be done."""
+        """Remove the socket, and close both ends."""
         self._watcher.remove(self.near)
         self.near.close()
         self.far.close()
 
 
 def test_all_that_were_added_are_heard_by_one_thread(watcher: SocketWatcher):
-    """Also those that came while the thread was waiting already."""
+    """One thread reads all sockets, also those that are added while it waits."""
     before = threading.active_count()
     ears = [Ear(watcher) for _ in range(20)]
     assert all(ear.hears() for ear in ears)
@@ -62,7 +62,7 @@ def test_all_that_were_added_are_heard_by_one_thread(watcher: SocketWatcher):
 
 
 def test_one_that_was_removed_is_not_heard_any_more(watcher: SocketWatcher):
-    """The others are."""
+    """A removed socket is not read any more, and others are."""
     ear, other = Ear(watcher), Ear(watcher)
     watcher.remove(ear.near)
     ear.far.send(b"hello")
@@ -73,7 +73,7 @@ def test_one_that_was_removed_is_not_heard_any_more(watcher: SocketWatcher):
 
 
 def test_a_watcher_that_was_idle_starts_anew(watcher: SocketWatcher):
-    """Its thread ends with the last socket and comes back with the next; whoever removed the last one sees it ended."""
+    """Removing the last socket ends the thread, and adding one starts it again."""
     before = threading.active_count()
     for _ in range(50):
         ear = Ear(watcher)
@@ -83,7 +83,7 @@ def test_a_watcher_that_was_idle_starts_anew(watcher: SocketWatcher):
 
 
 def test_sockets_that_come_and_go_at_the_same_time_are_all_heard(watcher: SocketWatcher):
-    """Whatever the order in which the thread ends and is wanted again."""
+    """Sockets that several threads add and remove are all read."""
     deaf: list[int] = []
 
     def come_and_go() -> None:
@@ -102,7 +102,7 @@ def test_sockets_that_come_and_go_at_the_same_time_are_all_heard(watcher: Socket
 
 
 def test_a_socket_that_was_closed_behind_its_back_makes_room_for_another(watcher: SocketWatcher):
-    """The kernel gives its number to the next one, which is heard; to remove the old one changes nothing."""
+    """A socket with the descriptor of a closed one is read, also after the closed one is removed."""
     keeper, old = Ear(watcher), Ear(watcher)
     number = old.near.fileno()
     old.near.close()
@@ -117,7 +117,7 @@ def test_a_socket_that_was_closed_behind_its_back_makes_room_for_another(watcher
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
 def test_an_error_is_told_and_the_others_go_on(watcher: SocketWatcher, monkeypatch: pytest.MonkeyPatch):
-    """As an error of a thread is reported."""
+    """An error of a callback reaches threading.excepthook, and other sockets are read."""
     told: list[type[BaseException]] = []
     monkeypatch.setattr(threading, "excepthook", lambda args: told.append(args.exc_type))
     broken, sound = socket.socketpair(), Ear(watcher)
@@ -137,7 +137,7 @@ def test_an_error_is_told_and_the_others_go_on(watcher: SocketWatcher, monkeypat
 
 
 def test_what_is_called_may_remove_its_own_socket(watcher: SocketWatcher):
-    """Even if it is the last one."""
+    """A callback may remove its own socket, even the last one."""
     near, far = socket.socketpair()
     called: list[bool] = []
 

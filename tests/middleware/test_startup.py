@@ -1,4 +1,4 @@
-"""What a tool loads that only asks the name server something: it is started often, and ends soon."""
+"""The modules that a small tool loads before it can ask the name server."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _LATER = {
 
 
 def test_nothing_is_loaded_in_advance(tmp_path: Path):
-    """The network is found without what makes addresses, keys, tables or ports."""
+    """Finding the network does not load addresses, keys, tables or ports."""
     program = [sys.executable, "-c", _PROGRAM, str(tmp_path)]
     done = subprocess.run(program, capture_output=True, text=True, timeout=60, check=True)
     loaded = set(done.stdout.split())

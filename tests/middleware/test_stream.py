@@ -1,4 +1,4 @@
-"""Streams use their buffers again, but never one of which somebody keeps a part."""
+"""Streams reuse their buffers, but not one of which a message is kept."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ np = pytest.importorskip("numpy")
 
 @pytest.fixture
 def ends() -> Iterator[tuple[Stream, Callable[[bytes], None]]]:
-    """A stream, and a way to have bytes arrive at it."""
+    """A stream, and a function that sends bytes to it."""
     near, far = socket.socketpair()
     senders: list[threading.Thread] = []
 
@@ -46,10 +46,10 @@ def ends() -> Iterator[tuple[Stream, Callable[[bytes], None]]]:
 
 
 class TestKeeping:
-    """What somebody keeps of a message stays as it is."""
+    """Messages that are kept do not change."""
 
     def test_a_large_piece_that_is_kept(self, ends: tuple[Stream, Callable[[bytes], None]]):
-        """The next one does not overwrite it, nor a part of it."""
+        """A kept message, or a part of it, is not overwritten by the next one."""
         stream, send = ends
         send(b"".join(bytes([number]) * LARGE for number in range(4)))
         kept = stream.run(stream.take(LARGE))
@@ -61,7 +61,7 @@ class TestKeeping:
         assert (numbers == 2).all()
 
     def test_a_large_piece_that_nobody_keeps(self, ends: tuple[Stream, Callable[[bytes], None]]):
-        """The next one is put into the same memory."""
+        """The memory of a message that is not kept is used for the next one."""
         stream, send = ends
         send(bytes(3 * LARGE))
         first = stream.run(stream.take(LARGE)).obj
@@ -71,7 +71,7 @@ class TestKeeping:
         assert id(stream.run(stream.take(LARGE)).obj) == place
 
     def test_small_pieces_behind_a_large_one_that_is_kept(self, ends: tuple[Stream, Callable[[bytes], None]]):
-        """They are received into other memory, also when they arrive later."""
+        """Small messages after a large one that is kept are received into other memory."""
         stream, send = ends
         send(b"a" * LARGE)
         kept = stream.run(stream.take(LARGE))
@@ -81,7 +81,7 @@ class TestKeeping:
         assert kept == b"a" * LARGE
 
     def test_a_huge_piece_is_not_kept(self, ends: tuple[Stream, Callable[[bytes], None]]):
-        """A connection that once had one does not hold its memory for ever."""
+        """The memory of a huge message is freed with the next one."""
         stream, send = ends
         huge = 64 << 20
         send(bytes(huge))
@@ -91,7 +91,7 @@ class TestKeeping:
         assert len(stream.memory) < 1 << 20
 
     def test_the_end_within_a_large_piece(self, ends: tuple[Stream, Callable[[bytes], None]]):
-        """It is noticed."""
+        """The end of the stream within a large message raises StreamClosedError."""
         stream, send = ends
         send(bytes(1000))
         stream.run(stream.take(1000 - 10))
@@ -100,7 +100,7 @@ class TestKeeping:
             stream.run(stream.take(2 * LARGE))
 
     def test_large_blocks_wherever_they_lie(self):
-        """What is sent arrives as it is."""
+        """Large blocks arrive unchanged, wherever they lie in memory."""
         near, far = socket.socketpair()
         stream, reader = Stream(near), Stream(far)
         one, two = (bytes([number]) * LARGE for number in range(2))
@@ -117,7 +117,7 @@ class TestKeeping:
 
     @pytest.mark.parametrize("carrier", ["tcp", "fast_tcp", "unix_stream", "unix_stream+ack"])
     def test_images_that_a_reader_keeps(self, network: Network, carrier: str):
-        """Each of them stays as it came, whatever comes later."""
+        """Images that a reader keeps do not change with later messages."""
         kept: list[Image] = []
 
         def keep(delivery: IncomingMessage) -> None:

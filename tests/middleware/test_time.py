@@ -1,4 +1,4 @@
-"""Clocks that come over the network."""
+"""Clocks over the network: lockstep, and published time."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class World:
-    """Something that happens in time: each millisecond a message."""
+    """A simulation in lockstep, which writes a message each millisecond."""
 
     def __init__(self, network: Network) -> None:
         self.server = LockstepServer("/clock/rpc", self.advance, network=network, patience=0.05)
@@ -41,7 +41,7 @@ class World:
         return until
 
     def close(self) -> None:
-        """End it."""
+        """Close its ports."""
         self.server.close()
         self.output.close()
 
@@ -55,10 +55,10 @@ def world(network: Network) -> Iterator[World]:
 
 
 class TestLockstep:
-    """Time passes only while everybody waits."""
+    """Time that advances only while every participant waits."""
 
     def test_sleep_takes_no_time_of_the_machine(self, world: World, network: Network):
-        """A minute of the world is over as soon as its steps are done."""
+        """A sleep of a simulated minute ends as soon as its steps are done."""
         began = clock.monotonic()
         with clock.use(LockstepClock("/clock/rpc", "tester", network=network)):
             clock.current().sleep(60.0)
@@ -67,7 +67,7 @@ class TestLockstep:
         assert clock.monotonic() - began < 30.0
 
     def test_what_was_sent_before_the_end_of_a_sleep_is_there(self, world: World, network: Network):
-        """Exactly the messages of that time, none more."""
+        """After a sleep exactly the messages of its time have arrived."""
         with BufferedPort("/reader", strict=True, network=network) as reader:
             world.output.add_output("/reader")
             with clock.use(LockstepClock("/clock/rpc", "tester", network=network)) as time:
@@ -77,7 +77,7 @@ class TestLockstep:
                     assert reader.poll() is None
 
     def test_the_slowest_participant_decides(self, world: World, network: Network):
-        """Two threads sleep in steps of their own; each sees its own moments, and time never runs ahead of either."""
+        """Threads that sleep in steps of their own each wake at their own moments."""
         seen: dict[float, list[float]] = {}
 
         def live(step: float, time: LockstepClock) -> None:
@@ -101,7 +101,7 @@ class TestLockstep:
             assert moments == pytest.approx([start + step * count for count in range(1, 21)])
 
     def test_time_passes_in_one_thread_at_a_time(self, network: Network):
-        """Whoever lets it pass, and whoever directs it meanwhile: what happens in time is told of it in order."""
+        """Steps and resets are never executed at the same time, and steps are in order."""
         told: list[float] = []
         busy = threading.Lock()
 
@@ -137,7 +137,7 @@ class TestLockstep:
         assert told[-1] >= 60 * 0.007
 
     def test_it_is_closed_when_time_passes_no_more(self, network: Network):
-        """Anyone who has closed the server may take away what happens in time."""
+        """``close`` waits for the running step, so that the simulation can be freed afterwards."""
         begun, may_go, ended = threading.Event(), threading.Event(), threading.Event()
 
         def advance(until: float) -> float:
@@ -173,7 +173,7 @@ class TestLockstep:
         assert sorted(seen) == ["closed", "refused"]
 
     def test_participant_that_vanishes_is_dropped(self, world: World, network: Network):
-        """Its connection is its membership."""
+        """A participant whose connection ends does not delay others any more."""
         lost = RpcClient("/lost", "/clock/rpc", network=network)
         lost.call(Bottle(["join", "lost"]))
         with clock.use(LockstepClock("/clock/rpc", "tester", network=network)) as time:
@@ -187,7 +187,7 @@ class TestLockstep:
             thread.join()
 
     def test_participant_that_never_waits_is_named(self, world: World, network: Network, said: list[str]):
-        """When it holds others up."""
+        """A participant that delays others is reported by name."""
         idle = RpcClient("/idle", "/clock/rpc", network=network)
         idle.call(Bottle(["join", "the idle one"]))
         time = LockstepClock("/clock/rpc", "tester", network=network)
@@ -200,7 +200,7 @@ class TestLockstep:
         time.close()
 
     def test_nonsense_is_refused(self, world: World, network: Network):
-        """And changes nothing."""
+        """Every invalid request gets a reply."""
         with RpcClient("/client", "/clock/rpc", network=network) as client:
             for question in ("", "until 99 1.0", "dance", "leave 7", "join"):
                 reply = client.call(Bottle.parse(question), timeout=5)
@@ -215,7 +215,7 @@ class TestLockstep:
         ],
     )
     def test_a_refusal_has_a_reason(self, network: Network, reply: Bottle, reason: str):
-        """Also when who answers gives none."""
+        """The error of a refused sleep has the reply's reason, or names the missing reply."""
 
         def answer(question: Bottle) -> Bottle:
             return Bottle([Vocab("ok"), 1, 0.0]) if question.get(0) == "join" else reply
@@ -229,10 +229,10 @@ class TestLockstep:
 
 
 class TestNetworkClock:
-    """Time that is published."""
+    """The clock of published time."""
 
     def test_sleep_follows_the_publisher(self, network: Network):
-        """It ends when the published time has come, whatever the machine's clock says; for each sleeper at its own."""
+        """Each sleep ends when the published time has come, independent of the machine's clock."""
         slept: list[tuple[float, float, float]] = []
         with Port("/clock", network=network, inputs=False, outputs=True) as publisher:
             time = NetworkClock("/clock", network=network)
@@ -261,7 +261,7 @@ class TestNetworkClock:
         assert all(end - begin >= seconds - 1e-9 for seconds, begin, end in slept)
 
     def test_who_sleeps_when_the_time_jumps_back_sleeps_as_long(self, network: Network):
-        """A simulator that is started anew begins at zero."""
+        """If the published time restarts at zero, a sleep lasts its full time from there."""
         woken: list[float] = []
         with Port("/clock", network=network, inputs=False, outputs=True) as publisher:
             time = NetworkClock("/clock", network=network)
@@ -276,7 +276,7 @@ class TestNetworkClock:
         assert woken[0] >= 5.0
 
     def test_close_wakes_everybody(self, network: Network):
-        """Those who wait for the first message, too."""
+        """Closing the clock ends the wait for the first message."""
         time = NetworkClock("/clock", network=network)
 
         def ask() -> None:
@@ -291,6 +291,6 @@ class TestNetworkClock:
 
 
 def test_system_clock_is_the_default():
-    """And comes back when another one is done."""
+    """Without another clock in use the current one is that of the system."""
     assert isinstance(clock.current(), clock.SystemClock)
     assert clock.current().now() == pytest.approx(clock.now(), abs=1.0)

@@ -1,6 +1,6 @@
-"""A network of two hosts with a cable between them: namespaces of the kernel, a switch, and programs on both.
+"""A network of two hosts with a cable: network namespaces of the kernel, a switch, and a program on each host.
 
-It takes root and iproute2; elsewhere the tests are skipped and say why.
+The tests need root and iproute2, and are skipped without them.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ names.close()
 
 
 def ip(*words: str) -> None:
-    """Change the network."""
+    """Run the command ``ip``."""
     subprocess.run(["ip", *words], check=True, capture_output=True, text=True, timeout=20)
 
 
@@ -116,19 +116,19 @@ class Program:
         )
 
     def line(self) -> str:
-        """The next line that it says."""
+        """Return the next line of its output."""
         assert self._process.stdout is not None
         return self._process.stdout.readline()
 
     def __call__(self, work: str) -> Any:
-        """Have it do something, and wait for the answer."""
+        """Evaluate an expression in the program, and return its value."""
         assert self._process.stdin is not None
         self._process.stdin.write(f"{work}\n")
         self._process.stdin.flush()
         return json.loads(self.line())
 
     def end(self) -> None:
-        """Have it end by itself."""
+        """Let the program end by itself."""
         try:
             self._process.communicate(timeout=10)
         finally:
@@ -138,14 +138,14 @@ class Program:
 
 
 class Hosts:
-    """Two hosts at a switch. The name server is on the near one."""
+    """Two hosts at a switch, with the name server on the near one."""
 
     def __init__(self) -> None:
         self._spaces = {which: f"rtf{os.getpid()}{which}" for which in ("near", "far", "switch")}
         self._programs: list[Program] = []
 
     def build(self) -> None:
-        """Lay the cables. Raises CalledProcessError where that is not permitted."""
+        """Create hosts, switch and cables; raises CalledProcessError without permission."""
         for space in self._spaces.values():
             ip("netns", "add", space)
         switch = self._spaces["switch"]
@@ -172,15 +172,15 @@ class Hosts:
         return program
 
     def cut(self) -> None:
-        """Pull the far host's cable out of the switch."""
+        """Disconnect the far host's cable from the switch."""
         ip("-n", self._spaces["switch"], "link", "set", "far", "down")
 
     def plug_in(self) -> None:
-        """Plug it in again."""
+        """Connect the cable again."""
         ip("-n", self._spaces["switch"], "link", "set", "far", "up")
 
     def narrow(self) -> None:
-        """From now on little fits through the cable at a time, and what is too much is lost."""
+        """Limit the cable's rate and queue, so that packets beyond are lost."""
         shape = ["tbf", "rate", "50mbit", "burst", "4000", "limit", "30000"]
         words = ["tc", "-n", self._spaces["switch"], "qdisc", "replace", "dev", "far", "root", *shape]
         done = subprocess.run(words, capture_output=True, text=True, timeout=20, check=False)
@@ -188,12 +188,12 @@ class Hosts:
             pytest.skip(f"traffic cannot be shaped here: {done.stderr.strip()}")
 
     def widen(self) -> None:
-        """No longer."""
+        """Remove the limit."""
         words = ["tc", "-n", self._spaces["switch"], "qdisc", "del", "dev", "far", "root"]
         subprocess.run(words, capture_output=True, timeout=20, check=False)
 
     def close(self) -> None:
-        """End the programs and take everything away."""
+        """End the programs, and remove hosts and switch."""
         for program in reversed(self._programs):
             program.end()
         for space in self._spaces.values():
@@ -202,7 +202,7 @@ class Hosts:
 
 @pytest.fixture(scope="module")
 def network_of_two() -> Iterator[Hosts]:
-    """The hosts, for all tests of this file."""
+    """The hosts of all tests in this file."""
     if os.geteuid() != 0 or shutil.which("ip") is None:
         pytest.skip("hosts of one's own take root and iproute2")
     made = Hosts()
@@ -219,7 +219,7 @@ def network_of_two() -> Iterator[Hosts]:
 
 @pytest.fixture
 def hosts(network_of_two: Hosts) -> Iterator[Hosts]:
-    """The hosts with a sound cable, and without any ports afterwards."""
+    """The hosts; afterwards the cable is restored, and all ports are closed."""
     yield network_of_two
     network_of_two.widen()
     network_of_two.plug_in()
@@ -228,7 +228,7 @@ def hosts(network_of_two: Hosts) -> Iterator[Hosts]:
 
 
 def eventually(program: Program, condition: str, limit: float = 10.0) -> None:
-    """Wait until something holds on a host."""
+    """Wait until an expression is true on a host."""
     deadline = clock.Deadline.after(limit)
     while not program(condition):
         assert not deadline.expired, f"{condition} does not hold: {program('{name: len(got[name]) for name in got}')}"
@@ -237,7 +237,7 @@ def eventually(program: Program, condition: str, limit: float = 10.0) -> None:
 
 @pytest.mark.parametrize("carrier", ["tcp", "fast_tcp", "text_ack", "udp", "mcast"])
 def test_messages_from_host_to_host(hosts: Hosts, carrier: str):
-    """Ports have the address of their host, and everything arrives, both ways."""
+    """Ports have the address of their host, and messages arrive in both directions."""
     for here, there, address in ((hosts.near, hosts.far, _FAR), (hosts.far, hosts.near, _NEAR)):
         assert there("reader('/reader')").startswith(f"tcp://{address}:")
         here("writer('/writer')")
@@ -253,7 +253,7 @@ def test_messages_from_host_to_host(hosts: Hosts, carrier: str):
 
 
 def test_services_from_host_to_host(hosts: Hosts):
-    """Questions are answered across the cable."""
+    """A request to the other host is answered."""
     hosts.far("server('/server')")
     hosts.near("client('/client')")
     hosts.near("add('/client', '/server')")
@@ -261,7 +261,7 @@ def test_services_from_host_to_host(hosts: Hosts):
 
 
 def test_bad_cable(hosts: Hosts):
-    """Too much for it: tcp delivers everything in order, udp loses messages and never mixes them up."""
+    """On an overloaded cable tcp delivers everything in order, and udp loses messages without damage or disorder."""
     hosts.narrow()
     hosts.far("reader('/reader')")
     hosts.near("writer('/writer')")
@@ -283,7 +283,7 @@ def test_bad_cable(hosts: Hosts):
 
 
 def test_cut_cable(hosts: Hosts):
-    """Who gives a time-out is not held up longer, others go on, and with the cable fixed all is well again."""
+    """With a cut cable calls end after their timeouts, other connections go on, and a restored cable is used again."""
     near, far = hosts.near, hosts.far
     near("reader('/near')")
     far("reader('/far')")
@@ -319,7 +319,7 @@ def test_cut_cable(hosts: Hosts):
 
 
 def test_closing_across_a_cut_cable(hosts: Hosts):
-    """A reader closes soon, though the writer that it asks to stop cannot be reached."""
+    """A reader closes soon although its writer cannot be asked to disconnect."""
     hosts.near("reader('/reader')")
     hosts.far("writer('/writer')")
     hosts.far("add('/writer', '/reader')")

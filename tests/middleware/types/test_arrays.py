@@ -1,4 +1,4 @@
-"""Vectors and matrices: numpy arrays to the byte, without a loop over the elements."""
+"""Vectors and matrices: the bytes of numpy arrays, without a loop over the elements."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ DOUBLES = [entry for entry in RECORDED if entry["hex"][:4] in ("0a01", "1401")]
 
 
 def written(codec, value, dialect: Dialect = THREE) -> str:
-    """The bytes of an object in hexadecimal."""
+    """Return the bytes of an object in hexadecimal."""
     return b"".join(codec.encode(value, dialect)).hex()
 
 
 def test_a_vector_as_real_programs_send_it():
-    """Two joints of a real board, in both dialects."""
+    """The bytes of a vector are those of a real board, in both dialects."""
     assert written(VECTOR, np.array([3.0, 4.0])) == "0a01000002000000" + "0000000000000840" + "0000000000001040"
     assert written(VECTOR, np.array([3.0]), FOUR) == "1401000001000000" + "0000000000000840"
     assert VECTOR.promise == "yarp/vector"
@@ -36,7 +36,7 @@ def test_a_vector_as_real_programs_send_it():
 
 @pytest.mark.parametrize("entry", DOUBLES, ids=lambda entry: f"{entry['dialect']} {entry['from']}")
 def test_recorded_vectors(entry: dict[str, object]):
-    """What real boards and sensors sent is a vector of the numbers that it is as a bottle."""
+    """Recorded vectors decode to the numbers of the bottle, and encode to the same bytes."""
     data, dialect = bytes.fromhex(str(entry["hex"])), Dialect(entry["dialect"])
     read = VECTOR.decode(data, dialect)
     np.testing.assert_array_equal(read, list(decode(data, dialect)))
@@ -55,7 +55,7 @@ def test_recorded_vectors(entry: dict[str, object]):
     ],
 )
 def test_each_type_has_the_code_of_its_dialect(dtype: str, three: str, four: str):
-    """Vectors of other types are lists of those types."""
+    """A vector of another type has that type's code in each dialect."""
     array = np.array([1, 2], dtype)
     for dialect, code in ((THREE, three), (FOUR, four)):
         assert written(vector_of(dtype), array, dialect) == f"{code}01000002000000" + array.tobytes().hex()
@@ -64,7 +64,7 @@ def test_each_type_has_the_code_of_its_dialect(dtype: str, three: str, four: str
 @settings(deadline=None)
 @given(hnp.arrays(st.sampled_from(["i1", "i2", "i4", "i8", "f4", "f8"]), st.integers(0, 40)), st.sampled_from(Dialect))
 def test_vectors_are_what_bottles_are(array: np.ndarray, dialect: Dialect):
-    """A vector is the bytes of the bottle of its elements, and reads back to the bit."""
+    """A vector has the bytes of the bottle of its elements, and decodes to the same bits."""
     codec = vector_of(array.dtype)
     data = b"".join(codec.encode(array, dialect))
     assert codec.decode(data, dialect).tobytes() == array.tobytes()
@@ -73,7 +73,7 @@ def test_vectors_are_what_bottles_are(array: np.ndarray, dialect: Dialect):
 
 
 def test_large_arrays_are_not_copied():
-    """The memory of the array is what is sent, and what arrived is what an adopted array shows."""
+    """Large arrays are encoded and adopted without a copy."""
     array = np.arange(10_000.0)
     head, body = VECTOR.encode(array, THREE)
     assert np.shares_memory(np.frombuffer(body), array)
@@ -86,7 +86,7 @@ def test_large_arrays_are_not_copied():
 
 
 def test_arrays_that_lie_otherwise_are_written_the_same():
-    """Slices, transposed, big-endian and read-only arrays, lists and other numbers are made what the codec writes."""
+    """Arrays of any memory layout, lists and other numbers are encoded alike."""
     plain = written(VECTOR, np.array([0.0, 2.0, 4.0]))
     frozen = np.array([0.0, 2.0, 4.0])
     frozen.flags.writeable = False
@@ -109,14 +109,14 @@ def test_arrays_that_lie_otherwise_are_written_the_same():
     ],
 )
 def test_a_vector_may_be_typed(text: str, numbers: list[float]):
-    """A flat list of numbers of any types is a vector; of a vocab its number."""
+    """A flat list of numbers is a vector; a vocab counts as its number."""
     read = VECTOR.from_text(text)
     assert read.dtype == np.float64
     np.testing.assert_array_equal(read, numbers)
 
 
 def test_vectors_become_those_of_the_receiver():
-    """A list of another type is converted if it fits, and refused if it does not."""
+    """Elements of another type are converted if they fit, and refused otherwise."""
     integers = vector_of(np.int32)
     np.testing.assert_array_equal(integers.from_text("1.0 -2.0"), [1, -2])
     assert integers.decode(encode(Bottle([1.0, 2.0])), THREE).dtype == np.int32
@@ -130,19 +130,19 @@ def test_vectors_become_those_of_the_receiver():
 
 @pytest.mark.parametrize("text", ['"a"', "1 (2)", "{1 2}", "1 2 x"])
 def test_a_vector_of_other_things_is_refused(text: str):
-    """The message names the element that is no number."""
+    """The error names the element that is not a number."""
     with pytest.raises(BottleError, match="a vector holds numbers; element"):
         VECTOR.from_text(text)
 
 
 def test_a_negative_count_is_refused():
-    """A count is checked before anything is made of it."""
+    """A negative count of elements is refused."""
     with pytest.raises(BottleError, match="-1 elements"):
         VECTOR.decode(bytes.fromhex("0a010000ffffffff"), THREE)
 
 
 def test_a_matrix_to_the_byte():
-    """Rows, columns and the elements row by row."""
+    """A matrix has rows, columns, and the elements row by row."""
     assert written(MATRIX, np.array([[1.0, 2.0]])) == (
         "00010000 03000000 01000000 01000000 01000000 02000000 0a010000 02000000 000000000000f03f 0000000000000040"
     ).replace(" ", "")
@@ -155,13 +155,13 @@ def test_a_matrix_to_the_byte():
     "text", ["2 2 (1 2 3)", "-1 -4 (1 2 3 4)", "2 2", "1 2 3", "1.0 1 (5)", "", "2147483647 2 (1)"]
 )
 def test_a_matrix_that_is_none_is_refused(text: str):
-    """Rows and columns must be those of the elements."""
+    """A matrix whose rows and columns do not fit the elements is refused."""
     with pytest.raises(BottleError, match="a matrix"):
         MATRIX.from_text(text)
 
 
 def test_a_bare_array_is_a_vector_or_a_matrix():
-    """A port takes an array as it is; what could be something else is refused with the hint."""
+    """The codec of an array follows from its shape and type; ambiguous arrays are refused with a hint."""
     assert codec_of(np.zeros(3)) is VECTOR
     assert codec_of(np.zeros(3, np.int16)) is vector_of("i2")
     assert codec_of(np.zeros(3, ">f8")) is VECTOR
@@ -178,7 +178,7 @@ def test_a_bare_array_is_a_vector_or_a_matrix():
 
 
 def test_what_has_the_wrong_shape_is_not_sent():
-    """A codec that was chosen by hand checks the dimensions and the elements."""
+    """An array with wrong dimensions or elements for its codec is refused."""
     with pytest.raises(BottleTypeError, match="one dimension"):
         VECTOR.encode(np.eye(2), THREE)
     with pytest.raises(BottleTypeError, match="two dimensions"):

@@ -1,4 +1,4 @@
-"""What holds for every codec, whatever it writes."""
+"""The contract of codecs: one class of tests for all of them."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ PIXELS = np.arange(5 * 7 * 3, dtype=np.uint8).reshape(5, 7, 3)
 
 
 class CodecContract:
-    """Subclasses say which codec, and objects that it can write."""
+    """The tests; subclasses provide the codec and objects."""
 
     codec: ClassVar[Codec[Any]]
     values: ClassVar[list[Any]]
@@ -47,15 +47,15 @@ class CodecContract:
     is_bottle = True
 
     def bytes_of(self, value: object, dialect: Dialect) -> bytes:
-        """All blocks together."""
+        """Return the encoded object."""
         return b"".join(self.codec.encode(value, dialect))
 
     def cases(self) -> list[tuple[Any, Dialect, bytes]]:
-        """Every object in both dialects."""
+        """Return every object in both dialects, with its bytes."""
         return [(value, dialect, self.bytes_of(value, dialect)) for value in self.values for dialect in Dialect]
 
     def assert_same(self, one: object, other: object) -> None:
-        """Two objects are of one type and equal."""
+        """Check that two objects have one type and are equal."""
         assert type(one) is type(other)
         if isinstance(one, np.ndarray):
             assert one.dtype == other.dtype
@@ -64,19 +64,19 @@ class CodecContract:
             assert one == other
 
     def test_what_is_written_reads_back(self):
-        """An object survives the wire in both dialects."""
+        """An object is the same after encoding and decoding, in both dialects."""
         for value, dialect, data in self.cases():
             self.assert_same(self.codec.decode(data, dialect), value)
             self.assert_same(self.codec.adopt(bytearray(data), dialect), value)
 
     def test_blocks_are_flat_bytes(self):
-        """The length of each block is its size, as the index of a message and the kernel need it."""
+        """The length of each encoded block is its size in bytes, as the message's index needs it."""
         for value in self.values:
             for block in self.codec.encode(value, Dialect.YARP3):
                 assert len(memoryview(block)) == memoryview(block).nbytes == len(bytes(block))
 
     def test_the_end_is_found_whatever_follows(self):
-        """An object is read from the start of a buffer that holds more, and says where it ends."""
+        """``decode_from`` returns the end of the object, also if other bytes follow."""
         for value, dialect, data in self.cases():
             for more in (b"", b"YA\0\0\0\0RP"):
                 read, end = self.codec.decode_from(memoryview(bytearray(data + more)), dialect)
@@ -84,12 +84,12 @@ class CodecContract:
                 self.assert_same(read, value)
 
     def test_the_bytes_are_a_bottle(self):
-        """Everything that travels can be shown by who does not know its type."""
+        """Encoded objects are bottles, so that tools can show them without their codec."""
         for _, dialect, data in self.cases():
             assert not self.is_bottle or extent(data, 0, dialect) == len(data)
 
     def test_what_is_cut_off_says_what_it_needs(self):
-        """Cut off anywhere, it asks for more than there is and no more than there will be."""
+        """The error about a truncated object has the number of needed bytes, at most those of the object."""
         for _, dialect, data in self.cases():
             for size in range(len(data)):
                 with pytest.raises(TruncatedBottleError) as caught:
@@ -97,7 +97,7 @@ class CodecContract:
                 assert size < caught.value.needed <= len(data)
 
     def test_what_was_read_is_its_owners(self):
-        """The buffer of a message is used again; what was read from it does not change."""
+        """A decoded object does not change when its buffer is used again."""
         for value, dialect, data in self.cases():
             buffer = bytearray(data)
             read = self.codec.decode(memoryview(buffer), dialect)
@@ -105,12 +105,12 @@ class CodecContract:
             self.assert_same(read, value)
 
     def test_text_reads_back(self):
-        """What a person sees is what a person can type."""
+        """An object is the same after it is written as text and read again."""
         for value in self.values:
             self.assert_same(self.codec.from_text(self.codec.to_text(value)), value)
 
     def test_damaged_bytes_are_refused_or_read(self):
-        """Changed, cut and random bytes give an object or our own error, and nothing else."""
+        """Damaged bytes decode to an object, or raise RtfError."""
         chance = random.Random(11)
         cases = self.cases()
         for _ in range(500):
@@ -124,7 +124,7 @@ class CodecContract:
                     read(bytes(damaged), dialect)
 
     def test_it_is_found_for_its_objects(self):
-        """A port that is given an object knows how to send it."""
+        """``codec_of`` finds the codec of an object."""
         for value in self.values:
             found = codec_of(value)
             if self.is_found:
@@ -132,47 +132,47 @@ class CodecContract:
 
 
 class TestBottle(CodecContract):
-    """Bottles."""
+    """The codec of bottles."""
 
     codec = BOTTLE
     values: ClassVar = [WORDS, Bottle(), Bottle([Property({"a": 1})])]
 
     def test_text_reads_back(self):
-        """Text cannot tell a property from a list of lists; all else survives."""
+        """Bottles without properties survive as text; text cannot tell a property from a list of lists."""
         for value in self.values[:2]:
             assert BOTTLE.from_text(BOTTLE.to_text(value)) == value
 
 
 class TestProperty(CodecContract):
-    """Properties."""
+    """The codec of properties."""
 
     codec = PROPERTY
     values: ClassVar = [Property(), Property({"key": "value", "list": [1, 2.0]})]
 
 
 class TestString(CodecContract):
-    """Strings."""
+    """The codec of strings."""
 
     codec = STRING
     values: ClassVar = ["", "hello", "two words", "caf\u00e9 \udcff\0"]
 
 
 class TestBytes(CodecContract):
-    """Blobs."""
+    """The codec of bytes."""
 
     codec = BYTES
     values: ClassVar = [b"", b"\0\1\2"]
 
 
 class TestRaw(CodecContract):
-    """Bytes that are taken as they are."""
+    """The codec of raw bytes."""
 
     codec = RAW
     values: ClassVar = [encode(WORDS)]
     is_found = False  # bytes that are sent are a blob
 
     def cases(self) -> list[tuple[Any, Dialect, bytes]]:
-        """Bytes have no dialect."""
+        """Raw bytes are the same in both dialects."""
         return [(value, Dialect.YARP3, value) for value in self.values]
 
 
@@ -184,28 +184,28 @@ class TestVector(CodecContract):
 
 
 class TestVectorOfInt8(CodecContract):
-    """Vectors of other types, the shortest first."""
+    """Vectors of 8-bit integers."""
 
     codec = vector_of(np.int8)
     values: ClassVar = [np.array([-128, 0, 127], np.int8)]
 
 
 class TestVectorOfInt16(CodecContract):
-    """Vectors of 16 bits."""
+    """Vectors of 16-bit integers."""
 
     codec = vector_of("i2")
     values: ClassVar = [np.array([-(2**15), 2**15 - 1], np.int16)]
 
 
 class TestVectorOfInt32(CodecContract):
-    """Vectors of YARP's own integers."""
+    """Vectors of 32-bit integers."""
 
     codec = vector_of(np.int32)
     values: ClassVar = [np.array([-(2**31), 2**31 - 1, 0], np.int32), np.array([], np.int32)]
 
 
 class TestVectorOfInt64(CodecContract):
-    """Vectors of long integers."""
+    """Vectors of 64-bit integers."""
 
     codec = vector_of(np.int64)
     values: ClassVar = [np.array([-(2**63), 2**63 - 1], np.int64)]
@@ -226,7 +226,7 @@ class TestMatrix(CodecContract):
 
 
 class TestImage(CodecContract):
-    """Images, with rows that are filled up and without."""
+    """Images with and without padded rows."""
 
     codec = IMAGE
     values: ClassVar = [
@@ -262,7 +262,7 @@ class TestPair(CodecContract):
     values: ClassVar = [Pair(Bottle.parse("[dpo] 0"), np.array([7.5]))]
 
     def assert_same(self, one: object, other: object) -> None:
-        """Part by part."""
+        """Compare both parts."""
         assert isinstance(one, Pair)
         assert isinstance(other, Pair)
         super().assert_same(one.first, other.first)
@@ -270,14 +270,14 @@ class TestPair(CodecContract):
 
 
 class TestRecord(CodecContract):
-    """What services say to each other; what is read are the elements."""
+    """Records of services, which decode to their elements."""
 
     codec = Record.codec
     values: ClassVar = [Record(), Record(Vocab("get"), "phase", 3, 1.5, b"\1", Bottle([1, 2]))]
 
 
 class TestProtocolVersion(CodecContract):
-    """The one answer that is no bottle."""
+    """The version of a protocol, whose bytes are no bottle."""
 
     codec = ProtocolVersion.codec
     values: ClassVar = [ProtocolVersion(0, 3, 12, 3)]

@@ -1,4 +1,4 @@
-"""Images: the header to the byte, padding, formats, and no copies where none are needed."""
+"""Images: the bytes of the header, padding, pixel formats, conversions, and copies."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ CODES = {
 
 
 def bytes_of(image: Image, dialect: Dialect = THREE) -> bytes:
-    """All blocks together."""
+    """Return the encoded image."""
     return b"".join(IMAGE.encode(image, dialect))
 
 
 def header(**changes: int) -> bytes:
-    """The header of a 16 x 4 rgb image with some numbers changed, by their places, and the pixels."""
+    """Return a 16 x 4 rgb image as bytes, with these fields of its header changed."""
     fields = [256, 4, 9, Vocab("mat").value, 9, Vocab("rgb").value, 257, 5, 3, 192, 65544, 16, 4, 12, 192]
     names = ["list", "parts", "word", "mat", "word2", "code", "numbers", "five"]
     names += ["depth", "size", "quantum", "width", "height", "blob", "blob_size"]
@@ -47,7 +47,7 @@ def header(**changes: int) -> bytes:
 
 @pytest.mark.parametrize("dialect", Dialect)
 def test_the_header_of_real_cameras(dialect: Dialect):
-    """The sixty bytes in front of the pixels are those of a real camera, in both dialects."""
+    """The sixty bytes of the header are those of a real camera, in both dialects."""
     image = Image(np.zeros((240, 320, 3), np.uint8))
     head, pixels = IMAGE.encode(image, dialect)
     assert head.hex() == CAMERA[dialect].replace(" ", "")
@@ -57,7 +57,7 @@ def test_the_header_of_real_cameras(dialect: Dialect):
 
 
 def test_pixels_are_not_copied():
-    """The memory of the array is sent; what arrived is shown where it lies, or copied once."""
+    """Pixels are encoded and adopted without a copy; ``decode`` copies them."""
     pixels = np.arange(48 * 64 * 3, dtype=np.uint8).reshape(48, 64, 3)
     head, body = IMAGE.encode(Image(pixels), THREE)
     assert np.shares_memory(np.frombuffer(body, np.uint8), pixels)
@@ -71,7 +71,7 @@ def test_pixels_are_not_copied():
 
 
 def test_rows_are_filled_up_to_the_quantum():
-    """Fifteen bytes a row become sixteen; anyone who reads sees only the pixels."""
+    """Rows are padded to the quantum, and the decoded pixels have no padding."""
     pixels = np.arange(1, 31, dtype=np.uint8).reshape(2, 5, 3)
     data = bytes_of(Image(pixels))
     assert struct.unpack_from("<i", data, 36) == (32,)
@@ -88,7 +88,7 @@ def test_rows_are_filled_up_to_the_quantum():
     st.integers(1, 9), st.integers(1, 9), st.sampled_from(sorted(CODES)), st.integers(1, 33), st.sampled_from(Dialect)
 )
 def test_every_format_survives(height: int, width: int, code: str, quantum: int, dialect: Dialect):
-    """Any size, format and padding reads back equal and is written the same again."""
+    """An image of any size, format and padding is the same after encoding and decoding."""
     kind = pixel_format(code)
     shape = kind.shape(height, width)
     raw = np.random.default_rng(1).integers(0, 100, shape)
@@ -102,13 +102,13 @@ def test_every_format_survives(height: int, width: int, code: str, quantum: int,
 
 @pytest.mark.parametrize(("code", "depth"), CODES.items())
 def test_pixels_have_their_size(code: str, depth: int):
-    """Each word stands for pixels of so many bytes."""
+    """Each pixel code has its number of bytes."""
     assert pixel_format(code).depth == depth
     assert pixel_format(Vocab(code).value) is pixel_format(code)
 
 
 def test_formats_that_are_not_known_are_bytes():
-    """A negative number says how many bytes a pixel has, for a new word the header does; other words are refused."""
+    """Unknown pixel codes decode to bytes; a negative code is the number of bytes of a pixel."""
     image = Image(np.zeros((2, 2, 5), np.uint8), -5)
     assert struct.unpack_from("<i", bytes_of(image), 20) == (-5,)
     assert IMAGE.decode(bytes_of(image), THREE) == image
@@ -123,7 +123,7 @@ def test_formats_that_are_not_known_are_bytes():
     [("u1", 1, "mono"), ("u2", 1, "mo16"), ("u1", 3, "rgb"), ("u1", 4, "rgba"), ("f4", 1, "dec"), ("i4", 1, "int")],
 )
 def test_an_array_is_the_usual_image(dtype: str, channels: int, code: str):
-    """Without a word an array is what such arrays usually are."""
+    """The default pixel code of an array follows from its type and channels."""
     shape = (2, 3) if channels == 1 else (2, 3, channels)
     image = Image(np.zeros(shape, dtype))
     assert image.code == code
@@ -142,7 +142,7 @@ def test_an_array_is_the_usual_image(dtype: str, channels: int, code: str):
     ],
 )
 def test_pixels_must_be_those_of_the_format(pixels: np.ndarray, code: str | None, message: str):
-    """The error says what such an image is made of."""
+    """The error about pixels that do not fit the code says what it needs."""
     with pytest.raises(BottleTypeError, match=message):
         Image(pixels, code)
 
@@ -167,19 +167,19 @@ def test_pixels_must_be_those_of_the_format(pixels: np.ndarray, code: str | None
     ],
 )
 def test_broken_headers_are_refused(changes: dict[str, int], message: str):
-    """Sizes that do not fit each other or the data are named."""
+    """A header with contradicting sizes is refused with the reason."""
     with pytest.raises(BottleError, match=message):
         IMAGE.decode(header(**changes), THREE)
 
 
 @pytest.mark.parametrize("quantum", [8, 0x10008, 0, 1, 0x20010, 0x10000])
 def test_the_quantum_is_read_in_both_forms(quantum: int):
-    """One number or two in the same place; a row that fits without padding is right whatever is said."""
+    """The quantum is one number or two, and is ignored if the rows fit without padding."""
     assert IMAGE.decode(header(quantum=quantum), THREE).pixels.shape == (4, 16, 3)
 
 
 def test_an_image_without_pixels():
-    """Nothing at all is an image, too, whatever is said of its width."""
+    """An image without pixels is valid, with any width or height."""
     empty = Image(np.zeros((0, 0, 3), np.uint8))
     assert bytes_of(empty) == header(width=0, height=0, size=0, blob_size=0)[:60]
     for width, height in [(0, 0), (0, 2**31 - 1), (2**31 - 1, 0)]:
@@ -189,7 +189,7 @@ def test_an_image_without_pixels():
 
 
 def test_the_text_of_an_image():
-    """As text it is the words, the numbers and the bytes, and may be typed."""
+    """As text an image has its codes, numbers and bytes, and can be read again."""
     image = Image(np.arange(6, dtype=np.uint8).reshape(1, 2, 3))
     assert IMAGE.to_text(image) == "[mat] [rgb] (3 8 8 2 1) {0 1 2 3 4 5 0 0}"
     assert IMAGE.from_text("[mat] [rgb] (3 8 8 2 1) {0 1 2 3 4 5 0 0}") == image
@@ -202,7 +202,7 @@ COLORS = np.array([[[255, 0, 0], [0, 255, 0], [0, 0, 255], [10, 20, 33], [7, 7, 
 
 
 def test_parts_change_places():
-    """Red and blue change places, opacity is kept, or full where there was none."""
+    """Conversions swap red and blue, and keep the opacity or set it to full."""
     rgb = Image(COLORS)
     np.testing.assert_array_equal(rgb.to("bgr").pixels, COLORS[..., ::-1])
     rgba = rgb.to("rgba")
@@ -216,7 +216,7 @@ def test_parts_change_places():
 
 
 def test_grey_is_the_mean():
-    """Grey is the mean of the parts, cut to a whole number; grey made colour has equal parts."""
+    """Grey is the mean of the channels, rounded down; a colour from grey has equal channels."""
     grey = Image(COLORS).to("mono")
     np.testing.assert_array_equal(grey.pixels, [[85, 85, 85, 21, 7]])
     assert Image(COLORS).to("bgra").to("mono") == grey
@@ -224,7 +224,7 @@ def test_grey_is_the_mean():
 
 
 def test_hue_saturation_and_value():
-    """Pure colours are a third of the circle apart and saturated; grey has no hue and no saturation."""
+    """Pure colours have hues a third of the circle apart and full saturation; grey has neither."""
     hsv = Image(COLORS).to("hsv").pixels[0]
     np.testing.assert_array_equal(hsv[:3], [[0, 255, 255], [85, 255, 255], [171, 255, 255]])
     np.testing.assert_array_equal(hsv[4], [0, 0, 7])
@@ -232,7 +232,7 @@ def test_hue_saturation_and_value():
 
 
 def test_colours_come_back_from_hue():
-    """There and back again no part is off by more than the rounding of the hue."""
+    """Converting to hsv and back changes a channel by at most 3."""
     pixels = np.random.default_rng(3).integers(0, 256, (100, 100, 3)).astype(np.uint8)
     back = Image(pixels).to("hsv").to("rgb").pixels
     assert np.abs(back.astype(int) - pixels).max() <= 3
@@ -240,7 +240,7 @@ def test_colours_come_back_from_hue():
 
 
 def test_a_receiver_gets_the_pixels_it_asked_for():
-    """A codec with a word makes every image one of such pixels, and says when there is no way."""
+    """A codec with a pixel code converts every image to it, or names the known conversions."""
     data = bytes_of(Image(COLORS))
     assert ImageCodec("mono").decode(data, THREE) == Image(COLORS).to("mono")
     assert ImageCodec("bgr").adopt(data, THREE).code == "bgr"

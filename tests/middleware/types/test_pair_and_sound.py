@@ -1,4 +1,4 @@
-"""Pairs and sounds, and values that travel alone."""
+"""Pairs, sounds, and values that are sent alone."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ THREE, FOUR = Dialect.YARP3, Dialect.YARP4
 
 
 def written(value, dialect: Dialect = THREE) -> str:
-    """The bytes of an object in hexadecimal."""
+    """Return the bytes of an object in hexadecimal."""
     return b"".join(value.codec.encode(value, dialect)).hex()
 
 
 def test_a_command_with_numbers():
-    """The position of a joint, as a real client sends it to a board."""
+    """A command with a vector has the bytes of a real client."""
     pair = Pair(Bottle.parse("[dpo] 0"), np.array([7.5]))
     assert written(pair) == (
         "00010000 02000000 00010000 02000000 09000000 64706f00 01000000 00000000 0a010000 01000000 0000000000001e40"
@@ -30,7 +30,7 @@ def test_a_command_with_numbers():
 
 
 def test_a_pair_may_be_typed():
-    """Two lists are a pair of what their codecs read."""
+    """A pair is read from a text of two lists."""
     read = PairCodec(BOTTLE, VECTOR).from_text("([dpo] 0) (7 8.5)")
     assert read.first == Bottle.parse("[dpo] 0")
     np.testing.assert_array_equal(read.second, [7, 8.5])
@@ -40,7 +40,7 @@ def test_a_pair_may_be_typed():
 
 
 def test_large_parts_of_a_pair_are_not_copied():
-    """The image of a pair is sent from where it is."""
+    """Large parts of a pair are encoded and adopted without a copy."""
     pixels = np.zeros((100, 100, 4), np.uint8)
     pair = Pair("seen", Image(pixels))
     blocks = pair.codec.encode(pair, THREE)
@@ -54,7 +54,7 @@ def test_large_parts_of_a_pair_are_not_copied():
 
 
 def test_a_sound_is_a_list_of_five_or_six():
-    """Samples, channels, bytes, frequency, the samples channel by channel; 4.0 has a list of markers behind them."""
+    """A sound has samples, channels, bytes, frequency, and samples by channel; in 4.0 also markers."""
     sound = Sound(np.array([[1, 2], [3, 4]], np.int16), 8000)
     assert decode(bytes.fromhex(written(sound))).to_text() == "2 2 2 8000 (1 2 3 4)"
     assert decode(bytes.fromhex(written(sound, FOUR)), FOUR).to_text() == "2 2 2 8000 (1 2 3 4) ()"
@@ -64,7 +64,7 @@ def test_a_sound_is_a_list_of_five_or_six():
 
 
 def test_samples_are_not_copied():
-    """The memory of many samples is sent, and adopted."""
+    """Many samples are encoded and adopted without a copy."""
     samples = np.zeros((2, 44100), np.int16)
     blocks = SOUND.encode(Sound(samples, 44100), FOUR)
     assert np.shares_memory(np.frombuffer(blocks[1], np.int16), samples)
@@ -73,7 +73,7 @@ def test_samples_are_not_copied():
 
 
 def test_one_channel_may_be_a_plain_array():
-    """Samples without channels are one channel; other arrays are refused."""
+    """A one-dimensional array is a sound of one channel; other arrays are refused."""
     assert Sound(np.zeros(5, np.int16), 8000).samples.shape == (1, 5)
     for samples in (np.zeros(5), np.zeros((1, 2, 3), np.int16)):
         with pytest.raises(BottleTypeError, match="array of int16"):
@@ -92,19 +92,19 @@ def test_one_channel_may_be_a_plain_array():
     ],
 )
 def test_sounds_that_are_none_are_refused(text: str, message: str):
-    """The numbers must fit the samples."""
+    """A sound whose numbers do not fit its samples is refused."""
     with pytest.raises(BottleError, match=message):
         SOUND.from_text(text)
 
 
 def test_a_string_alone():
-    """A bottle of one string; any other message is read as its text."""
+    """A string is a bottle of one string; any other bottle decodes to its text."""
     assert b"".join(STRING.encode("run", THREE)).hex() == "040100000100000003000000" + b"run".hex()
     assert STRING.decode(encode(Bottle.parse("[set] 1 (2 3)")), THREE) == "[set] 1 (2 3)"
 
 
 def test_bytes_alone():
-    """A bottle of one blob, from any kind of buffer, and not copied when it is large."""
+    """Bytes of any buffer are a bottle of one blob, and large ones are not copied."""
     for value in (b"abc", bytearray(b"abc"), memoryview(b"abc"), np.frombuffer(b"abc", np.uint8)):
         assert b"".join(BYTES.encode(value, FOUR)) == encode(Bottle([b"abc"]))
     large = bytes(LARGE_BLOB)
@@ -116,7 +116,7 @@ def test_bytes_alone():
 
 
 def test_a_dictionary_is_a_property():
-    """Keys with values, lists, and dictionaries, which become properties inside."""
+    """A dictionary is encoded as a property, with its dictionaries as properties inside."""
     data = b"".join(PROPERTY.encode({"a": 1, "list": [1, 2.5], "in": {"b": "x"}}, THREE))
     read = PROPERTY.decode(data, THREE)
     assert read.find("a") == 1

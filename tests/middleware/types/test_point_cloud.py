@@ -1,4 +1,4 @@
-"""Point clouds: the bytes of YARP's, and what is none."""
+"""Point clouds: the bytes of YARP, and invalid clouds."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ POINTS = np.array(
 
 @pytest.mark.parametrize("dialect", Dialect)
 def test_bytes_are_those_of_yarp(dialect: Dialect):
-    """In both dialects, in both directions."""
+    """A cloud has YARP's bytes in both dialects, and decodes from them."""
     assert b"".join(POINT_CLOUD.encode(PointCloud(POINTS), dialect)) == BYTES[dialect]
     assert POINT_CLOUD.decode(BYTES[dialect], dialect) == PointCloud(POINTS)
 
@@ -40,7 +40,7 @@ def test_bytes_are_those_of_yarp(dialect: Dialect):
     st.binary(max_size=9),
 )
 def test_every_cloud_comes_back(points: np.ndarray, dialect: Dialect, rest: bytes):
-    """With its end, whatever follows; its density says whether all of it is finite."""
+    """A cloud is the same after encoding and decoding, and its density tells whether all points are finite."""
     data = b"".join(POINT_CLOUD.encode(PointCloud(points), dialect))
     found, end = POINT_CLOUD.decode_from(data + rest, dialect)
     assert found == PointCloud(points)
@@ -50,7 +50,7 @@ def test_every_cloud_comes_back(points: np.ndarray, dialect: Dialect, rest: byte
 
 @given(st.integers(0, len(BYTES[Dialect.YARP3]) - 1))
 def test_a_part_of_a_cloud_says_that_more_is_needed(size: int):
-    """As a reply is read."""
+    """A truncated cloud raises TruncatedBottleError."""
     with pytest.raises(TruncatedBottleError):
         POINT_CLOUD.decode_from(BYTES[Dialect.YARP3][:size], Dialect.YARP3)
 
@@ -60,7 +60,7 @@ def test_a_part_of_a_cloud_says_that_more_is_needed(size: int):
     [(0, 4, "4 x 2 points"), (0, 255, "of 6"), (8, 6, "of type 6"), (13, 0, "of code"), (17, 7, "a list of 7")],
 )
 def test_other_messages_are_no_clouds(place: int, value: int, problem: str):
-    """Of another size, or with other points."""
+    """A message with a wrong size or other points is refused."""
     data = bytearray(BYTES[Dialect.YARP3])
     data[place] = value
     with pytest.raises(BottleError, match=problem):
@@ -69,13 +69,13 @@ def test_other_messages_are_no_clouds(place: int, value: int, problem: str):
 
 @pytest.mark.parametrize("points", [np.zeros((2, 3), np.float32), np.zeros((2, 2, 4), np.float32), np.zeros((2, 2, 3))])
 def test_other_arrays_are_no_clouds(points: np.ndarray):
-    """The error says what one is."""
+    """The error about a wrong array shows a valid shape."""
     with pytest.raises(BottleTypeError, match=r"float32 of shape \(480, 640, 3\)"):
         PointCloud(points)
 
 
 def test_text():
-    """A person types the points of one row; other text is an error."""
+    """A cloud of one row is read from text and written as text; other text is an error."""
     typed = POINT_CLOUD.from_text("(1 2 3.5) (4 5 6)")
     assert typed == PointCloud(np.array([[[1, 2, 3.5], [4, 5, 6]]], np.float32))
     assert POINT_CLOUD.from_text(POINT_CLOUD.to_text(typed)) == typed

@@ -1,4 +1,4 @@
-"""What generated services say to each other, to the byte, and our own services."""
+"""The messages of generated services, and services of our own."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ RECORDED = json.loads((Path(__file__).parents[2] / "data" / "yarp_wire" / "bottl
 
 
 def written(value: object, dialect: Dialect = THREE) -> str:
-    """The bytes of an object in hexadecimal."""
+    """Return the bytes of an object in hexadecimal."""
     return b"".join(codec_of(value).encode(value, dialect)).hex()
 
 
 def hexadecimal(text: str) -> str:
-    """Blanks are for the reader."""
+    """Remove the blanks and bars that group the digits."""
     return text.replace(" ", "").replace("|", "")
 
 
@@ -59,18 +59,18 @@ def hexadecimal(text: str) -> str:
     ],
 )
 def test_records_to_the_byte(record: Record, data: str):
-    """Each element has its code, structures lie flat, lists of scalars are specialised."""
+    """Each element of a record has its code, structures are flat, and lists of scalars are specialised."""
     assert written(record) == hexadecimal(data)
 
 
 def test_doubles_have_the_code_of_the_dialect():
-    """As in bottles."""
+    """A double in a record has the code of the dialect."""
     assert written(Record(1.5)) == "00010000010000000a000000000000000000f83f"
     assert written(Record(1.5), FOUR) == "000100000100000014000000000000000000f83f"
 
 
 def test_large_arrays_in_a_record_are_not_copied():
-    """They are blocks of their own."""
+    """A large array in a record is a block of its own."""
     array = np.zeros(100_000)
     blocks = Record.codec.encode(Record(1, array, 2), THREE)
     assert any(np.shares_memory(np.frombuffer(block, np.uint8), array) for block in blocks if len(block) == 800_000)
@@ -87,7 +87,7 @@ def test_large_arrays_in_a_record_are_not_copied():
     ],
 )
 def test_the_name_of_a_function_is_its_words(name: str, words: list[object]):
-    """Short words are vocabs, longer ones strings; the arguments follow."""
+    """The words of a function's name are vocabs or strings by length, before the arguments."""
     request = decode(bytes.fromhex(written(call(name, 3, 1.5))))
     assert request == Bottle([*words, 3, 1.5])
     assert read_call(request, [name]) == (name, Bottle([3, 1.5]))
@@ -97,13 +97,13 @@ def test_the_name_of_a_function_is_its_words(name: str, words: list[object]):
     "text", ["[get] phase 1", "get phase 1", "get_phase 1", "[get] [phas] 1", '"get_phase" 1', "[get]  phase  1"]
 )
 def test_names_are_read_in_every_form(text: str):
-    """Words may be vocabs or strings, apart or together."""
+    """The words of a name may be vocabs or strings, joined or separate."""
     expected = None if "[phas]" in text else ("get_phase", Bottle([1]))
     assert read_call(Bottle.parse(text), {"get_phase", "get_level", "is"}) == expected
 
 
 def test_the_longest_name_wins():
-    """A function whose name begins like another one is still found."""
+    """A request calls the function with the longest matching name."""
     functions = ("stop", "stop_now", "stop_now_please_all")
     assert read_call(Bottle.parse("stop 5"), functions) == ("stop", Bottle([5]))
     assert read_call(Bottle.parse("stop now 5"), functions) == ("stop_now", Bottle([5]))
@@ -114,7 +114,7 @@ def test_the_longest_name_wins():
 
 
 def joint(number: object) -> tuple[Record, float]:
-    """A function that takes a number."""
+    """A function of the service that needs a number."""
     if not isinstance(number, int):
         raise BottleError("the joint is a number")
     return Record(True), number / 2
@@ -150,12 +150,12 @@ SERVICE = Service(
     ],
 )
 def test_a_service_answers(question: str, data: str):
-    """What a function returns is the answer; what cannot be called is answered with a failure."""
+    """The reply has the function's result; an unknown or invalid call is answered with a failure."""
     assert written(SERVICE.answer(Bottle.parse(question))) == hexadecimal(data)
 
 
 def test_a_service_tells_its_functions():
-    """Help lists them, and shows one of them."""
+    """Help lists the functions, or describes one."""
     names = "get_phase is_ready set_nothing get_joint get_stamp get_bottle help"
     assert Record.codec.to_text(SERVICE.answer(Bottle(["help"]))) == f'[many] ("*** Available commands:" {names})'
     shown = Record.codec.to_text(SERVICE.answer(Bottle.parse("help get_phase")))
@@ -164,14 +164,14 @@ def test_a_service_tells_its_functions():
 
 
 def test_an_error_of_a_function_is_not_hidden():
-    """Only a refusal of the arguments is an answer."""
+    """An unexpected error of a function is raised, not answered."""
     broken = Service({"divide": Function(lambda: 1 / 0)})
     with pytest.raises(ZeroDivisionError):
         broken.answer(Bottle(["divide"]))
 
 
 def test_what_failed_can_be_told():
-    """Clients see whether there is an answer."""
+    """``succeeded`` distinguishes a failure from any other answer."""
     assert not succeeded(FAIL)
     assert succeeded(Bottle())
     assert succeeded(Bottle(["fail"]))
@@ -181,19 +181,19 @@ def test_what_failed_can_be_told():
     "entry", [entry for entry in RECORDED if entry["hex"][:8] == "00010000"], ids=lambda e: e["from"]
 )
 def test_recorded_answers_of_services_are_written_alike(entry: dict[str, object]):
-    """What a real service sent, unspecialised in all its lists, a record of the same elements is to the byte."""
+    """Recorded replies of services are encoded to the same bytes."""
     data, dialect = bytes.fromhex(str(entry["hex"])), Dialect(entry["dialect"])
     bottle = decode(data, dialect)
     assert written(bottle if encode(bottle, dialect) == data else record_of(bottle), dialect) == data.hex()
 
 
 def record_of(value: object) -> object:
-    """Every list a record."""
+    """Turn every list into a record."""
     return Record(*map(record_of, value)) if isinstance(value, Bottle) else value
 
 
 def test_the_version_of_a_protocol():
-    """The head of a list of one, and four numbers without codes."""
+    """A version is a list of one, and four numbers without codes."""
     version = ProtocolVersion(0, 3, 12, 3)
     assert written(version) == hexadecimal("00010000 01000000 0000 0300 0c00 0300")
     assert version.codec.to_text(version) == "0 3 12 3"

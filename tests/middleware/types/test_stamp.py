@@ -1,4 +1,4 @@
-"""Stamps, in envelopes and as objects."""
+"""Stamps as envelopes and as objects."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from rtf.middleware.types import STAMP, Stamp
     ],
 )
 def test_an_envelope_is_the_count_and_the_time(stamp: Stamp, text: str):
-    """The time has fifteen digits, as in the envelopes of real programs."""
+    """An envelope has the count, and the time with fifteen digits as in YARP."""
     assert str(stamp) == text
     assert Stamp.parse(text).count == stamp.count
     assert Stamp.parse(text).time == float(f"{stamp.time:.15g}")
@@ -30,7 +30,7 @@ def test_an_envelope_is_the_count_and_the_time(stamp: Stamp, text: str):
 
 @given(st.integers(0, 2**31 - 1), st.floats(allow_nan=False, allow_infinity=False))
 def test_the_time_keeps_fifteen_digits(count: int, time: float):
-    """Whatever the time, its text reads as the nearest number of fifteen digits."""
+    """Any time reads back rounded to fifteen digits."""
     assert Stamp.parse(str(Stamp(count, time))) == Stamp(count, float(f"{time:.15g}"))
 
 
@@ -38,12 +38,12 @@ def test_the_time_keeps_fifteen_digits(count: int, time: float):
     "text", ["", "hello", "5", "5 x", "x 5", "(5 1.0)", "1 2 3 4", "9999999999 1.0", "__ADMIN", "9" * 5000]
 )
 def test_other_envelopes_are_no_stamps(text: str):
-    """An envelope may be any text; one that is no stamp gives none."""
+    """An envelope that is no stamp gives None."""
     assert Stamp.parse(text) is None
 
 
 def test_what_people_write_is_read():
-    """Blanks, integers and a third number do not matter."""
+    """Blanks, integers and a third number are accepted."""
     assert Stamp.parse(" 7  99.5 ") == Stamp(7, 99.5)
     assert Stamp.parse("7 99") == Stamp(7, 99.0)
     assert Stamp.parse("-1 0") == Stamp()
@@ -52,7 +52,7 @@ def test_what_people_write_is_read():
 
 
 def test_a_stamp_as_an_object():
-    """On the wire it is a list of an integer and a double."""
+    """As an object a stamp is a list of an integer and a double."""
     data = "00010000 02000000 01000000 05000000 0a000000 0000000000e05e40".replace(" ", "")
     assert b"".join(STAMP.encode(Stamp(5, 123.5), Dialect.YARP3)).hex() == data
     assert STAMP.decode(encode(Bottle([5, 123.5, 0])), Dialect.YARP3) == Stamp(5, 123.5)
@@ -62,7 +62,7 @@ def test_a_stamp_as_an_object():
 
 
 def test_counts_go_on():
-    """The first stamp has the number 0, and behind the greatest one it begins again."""
+    """Counts begin at 0, and restart there after the greatest one."""
     first = Stamp().next(1.5)
     assert first == Stamp(0, 1.5)
     assert first.valid

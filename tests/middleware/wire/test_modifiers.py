@@ -1,4 +1,4 @@
-"""Modifiers: as people write them, and as they are in a handshake."""
+"""Modifiers of carriers: their text, and their form in a handshake."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ carriers = st.sampled_from(["tcp", "udp", "text_ack", "unix_stream", "unix_strea
     ],
 )
 def test_are_sent_as_a_bottle(carrier: str, name: str, text: str):
-    """In the bytes of YARP's programs, which were recorded."""
+    """Modifiers are sent with the recorded text of YARP's programs."""
     assert split(carrier) == (name, text)
 
 
 @given(carriers, settings_of_carriers)
 def test_arrive_as_they_were_written(name: str, wanted: dict[str, list[str]]):
-    """Keys and values are the same at the other end, which can write them again."""
+    """Keys and values are the same after sending, and can be written again."""
     written = "+".join([name, *(".".join([key, *given]) for key, given in wanted.items())])
     assert Contact.parse(f"{written}://reader") == Contact("/reader", carrier=written)
     plain, text = split(written)
@@ -48,7 +48,7 @@ def test_arrive_as_they_were_written(name: str, wanted: dict[str, list[str]]):
 
 @given(st.text(max_size=60))
 def test_any_text_is_read_or_refused(text: str):
-    """What a caller sends raises nothing but a protocol error; what is read can be written."""
+    """Any text of a caller is read, or raises ProtocolError."""
     try:
         found = read(text)
     except ProtocolError:
@@ -58,14 +58,14 @@ def test_any_text_is_read_or_refused(text: str):
 
 @given(st.text(max_size=60))
 def test_any_carrier_can_be_split(text: str):
-    """The parts are those before and behind the first plus sign."""
+    """A carrier is split at its first plus sign."""
     name, modifiers = split(f"tcp+{text}")
     assert name == "tcp"
     assert bool(modifiers) == bool(text)
 
 
 def test_lists_with_parentheses_too_many():
-    """``+(ex (/b -20))`` arrives with two pairs of them."""
+    """A list in two pairs of parentheses is read as in one, as YARP sends it."""
     assert read("(recv priority) ((ex (/b -20) (/a 10)))") == {
         "recv": Bottle(["priority"]),
         "ex": Bottle([["/b", -20], ["/a", 10]]),
@@ -76,6 +76,6 @@ def test_lists_with_parentheses_too_many():
 
 
 def test_unfinished():
-    """The error shows the text."""
+    """The error about an incomplete text shows it."""
     with pytest.raises(ProtocolError, match=r"the modifiers '\(recv' cannot be read"):
         read("(recv")

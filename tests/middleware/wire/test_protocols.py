@@ -1,4 +1,4 @@
-"""Whole connections through the protocols, without a socket: both roles, whatever pieces the bytes arrive in."""
+"""Whole connections through the protocols without a socket, in both roles, with the bytes split in any way."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ ENVELOPES = st.text(st.characters(min_codepoint=32, exclude_categories=["Cs"]), 
 
 
 class Accepted(NamedTuple):
-    """What the accepting side got, and what it sent."""
+    """The events and the sent bytes of the accepting side."""
 
     protocol: str
     caller: Caller
@@ -55,12 +55,12 @@ class Accepted(NamedTuple):
 
 
 def said(talk: list[Segment], way: str) -> bytes:
-    """All bytes that went one way."""
+    """Return all bytes of one direction."""
     return b"".join(data for direction, data in talk if direction == way)
 
 
 def accept(pieces: list[bytes], number: int, replies: list[bytes | None] | None = None) -> Accepted:
-    """Be the side that accepts: from the header to the end, with these replies to messages that want one."""
+    """Play the accepting side from the header to the end, with these replies to requests."""
     end = End(pieces)
     header = end.run(read_header(end.inbox))
     protocol = next(one for one in PROTOCOLS if one.header == header)
@@ -81,7 +81,7 @@ def accept(pieces: list[bytes], number: int, replies: list[bytes | None] | None 
 def call(
     protocol: StreamProtocol, name: str, messages: list[OutgoingMessage], pieces: list[bytes]
 ) -> tuple[bytes, list[object]]:
-    """Be the side that connects: from the header to the message ``q``. Return what it sent, and the replies."""
+    """Play the connecting side up to the message ``q``; return the sent bytes, and the replies."""
     end = End(pieces)
     sender = protocol.sender(end.inbox, acknowledged=protocol.acknowledged)
     end.run(sender.greet(protocol.header, name))
@@ -104,7 +104,7 @@ def call(
 @version
 @carrier
 class TestPorts:
-    """A recorded writer and reader by each carrier."""
+    """The recorded conversations of a writer and a reader, by each carrier."""
 
     def talk(self, version: str, carrier: str) -> list[Segment]:
         """Return the conversation."""
@@ -113,7 +113,7 @@ class TestPorts:
     @given(places=cuts)
     @settings(deadline=None, max_examples=30)
     def test_accepting(self, version: str, carrier: str, places: Cuts):
-        """The events are the same for any pieces, and the answers are those that were recorded."""
+        """The accepting side has the same events for any pieces, and sends the recorded bytes."""
         talk = self.talk(version, carrier)
         expected = said(talk, "<")
         number = framing.read_number(expected) if expected.startswith(b"YA") else 0
@@ -130,7 +130,7 @@ class TestPorts:
     @given(places=cuts)
     @settings(deadline=None, max_examples=30)
     def test_connecting(self, version: str, carrier: str, places: Cuts):
-        """It sends what was recorded, for any pieces of the answers."""
+        """The connecting side sends the recorded bytes, for any pieces of the answers."""
         talk = self.talk(version, carrier)
         protocol = next(one for one in PROTOCOLS if one.name == carrier)
         messages = [OutgoingMessage("D", Bottle.parse(text), BOTTLE, VERSIONS[version]) for text in MESSAGES]
@@ -143,7 +143,7 @@ class TestPorts:
 @given(places=cuts)
 @settings(deadline=None, max_examples=15)
 def test_questions(version: str, places: Cuts):
-    """Both sides of every recorded question to a robot and to a port, with its reply, which has no length prefix."""
+    """Both sides of every recorded request have the recorded bytes and replies."""
     dialect = VERSIONS[version]
     for conversation in (*recordings(version, "robot.json")["questions"], recordings(version, "ports.json")["admin"]):
         talk = segments(conversation)
@@ -159,7 +159,7 @@ def test_questions(version: str, places: Cuts):
 
 
 def replies_in(answered: bytes, dialect: Dialect) -> list[bytes | None]:
-    """Return what is before each acknowledgement; None if the service had no answer."""
+    """Return the replies before each acknowledgement, None where there is none."""
     rest, replies = answered[8:], []
     while rest:
         reply, size = (None, 0) if rest.startswith(framing.ACK) else RAW.decode_from(rest, dialect)
@@ -173,7 +173,7 @@ def replies_in(answered: bytes, dialect: Dialect) -> list[bytes | None]:
 @given(places=cuts)
 @settings(deadline=None, max_examples=15)
 def test_stream_of_an_arm(version: str, places: Cuts):
-    """The same messages, each with the next stamp beside it, whatever the pieces."""
+    """A recorded stream gives the same messages and consecutive stamps for any pieces."""
     asked = said(segments(recordings(version, "robot.json")["state"]), ">")
 
     def events(pieces: list[bytes]) -> list[tuple[str, str, bytes]]:
@@ -198,7 +198,7 @@ def test_stream_of_an_arm(version: str, places: Cuts):
 @given(places=cuts)
 @settings(deadline=None, max_examples=15)
 def test_commands_to_a_name_server(version: str, places: Cuts):
-    """Every line of the recordings is one command, without its prefix."""
+    """Each recorded line is one command, without its prefix."""
     for talk in json.loads((_DATA / version / "name_server_names.json").read_text("utf-8")):
         asked = "".join(text for way, text in talk if way == ">")
         if not asked.startswith(PREFIX):
@@ -214,7 +214,7 @@ def test_commands_to_a_name_server(version: str, places: Cuts):
 @given(places=cuts, envelope=ENVELOPES, acknowledged=st.booleans())
 @settings(deadline=None, max_examples=30)
 def test_unix_stream(dialect: Dialect, places: Cuts, envelope: str, *, acknowledged: bool):
-    """What one end sends the other one understands; the first guess at the dialect may be wrong."""
+    """The receiver decodes what the sender encodes, also if its first guess at the dialect is wrong."""
     sending = End(cut(b"ACK\0" * len(MESSAGES) if acknowledged else b"", places))
     sender = UnframedSender(sending.inbox, acknowledged=acknowledged)
     bottles = [Bottle.parse(text) for text in MESSAGES]
@@ -235,7 +235,7 @@ def test_unix_stream(dialect: Dialect, places: Cuts, envelope: str, *, acknowled
 @given(places=cuts)
 @settings(deadline=None, max_examples=30)
 def test_no_reply(places: Cuts):
-    """A peer that acknowledges without a reply, in any pieces."""
+    """An acknowledgement without a reply gives None, in any pieces."""
     for sender_of, acknowledgement in ((binary.BinarySender, framing.ACK), (UnframedSender, b"ACK\0")):
         end = End(cut(acknowledgement, places))
         sender = sender_of(end.inbox, acknowledged=True)
@@ -250,7 +250,7 @@ def test_no_reply(places: Cuts):
 @example(["(", "(a", ") 1", ")"], 1)
 @settings(deadline=None, max_examples=50)
 def test_data_in_several_lines(texts: list[str], places: Cuts):
-    """They are joined while a parenthesis or a quote is open, at the same places for any pieces."""
+    """Lines are joined while a bracket or quote is open, for any pieces."""
     data = "".join(f"d\r\n{text}\r\n" for text in texts).encode() + b"?\r\n"
 
     def events(pieces: list[bytes]) -> list[tuple[str, str, bytes]]:
@@ -268,7 +268,7 @@ def test_data_in_several_lines(texts: list[str], places: Cuts):
 @given(places_of_caller=cuts, places_of_called=cuts, same=st.booleans())
 @settings(deadline=None, max_examples=30)
 def test_authentication(places_of_caller: Cuts, places_of_called: Cuts, *, same: bool):
-    """Both ends prove that they know the key, or it is refused by the one that hears a wrong proof."""
+    """Ends with the same key accept each other, and ends with different keys do not."""
     called, caller = Inbox(), Inbox()
     accepting = authentication.accept(called, b"secret")
     connecting = authentication.connect(caller, b"secret" if same else b"another")
@@ -298,7 +298,7 @@ def test_authentication(places_of_caller: Cuts, places_of_called: Cuts, *, same:
 @given(ENVELOPES, st.binary(max_size=200), cuts)
 @settings(deadline=None)
 def test_envelopes(envelope: str, body: bytes, places: Cuts):
-    """Beside the data of two messages, one behind the other."""
+    """Envelope and data of two messages in a row are read, for any pieces."""
     end = End(cut(2 * (framing.front("D", envelope, len(body)) + body), places))
     messages = end.receive(binary.BinaryReceiver(end.inbox, acknowledged=True).messages())
     assert [next(messages), next(messages)] == [("D", envelope, body)] * 2
@@ -307,7 +307,7 @@ def test_envelopes(envelope: str, body: bytes, places: Cuts):
 
 @pytest.mark.parametrize("text_size", [-1, 0, 40, 1 << 20])
 def test_an_envelope_that_does_not_fit_into_its_message_is_refused(text_size: int):
-    """Its size is the peer's word, which may be anything."""
+    """An envelope whose size does not fit its message is refused."""
     front = framing.front("D", "1 2", 4)
     at = len(front) - len("D 1 2\0") - 8
     end = End([front[:at] + text_size.to_bytes(4, "little", signed=True) + front[at + 4 :] + bytes(4)])
@@ -316,7 +316,7 @@ def test_an_envelope_that_does_not_fit_into_its_message_is_refused(text_size: in
 
 
 def test_bytes_out_of_step_are_refused():
-    """A message that begins one byte late is an error."""
+    """A message with its first byte missing is refused."""
     end = End([(framing.front("D", "", 4) + bytes(40))[1:]])
     with pytest.raises(ProtocolError, match="expected a message"):
         next(end.receive(binary.BinaryReceiver(end.inbox, acknowledged=True).messages()))
@@ -324,7 +324,7 @@ def test_bytes_out_of_step_are_refused():
 
 @pytest.mark.parametrize("piece", [1 << 12, 100_000])
 def test_large_data_stay_where_they_arrived(piece: int):
-    """They are not copied: the memory that is handed out for them is that of the message."""
+    """Large data are not copied: they are handed out in the buffer that received them."""
     body = bytes(range(256)) * 3600
     wire = framing.front("D", "", len(body)) + body
     inbox = Inbox()
@@ -346,7 +346,7 @@ def test_large_data_stay_where_they_arrived(piece: int):
 
 
 def test_what_is_announced_is_not_allocated():
-    """A gigabyte in a length field costs the memory of what has arrived."""
+    """The size of a message is not allocated before its bytes arrive."""
     inbox = Inbox()
     messages = binary.BinaryReceiver(inbox, acknowledged=True).messages()
     inbox.feed(framing.front("D", "", framing.MAX_MESSAGE - 8) + bytes(CHUNK))
@@ -357,7 +357,7 @@ def test_what_is_announced_is_not_allocated():
 
 
 def test_a_long_line_is_read_in_large_pieces():
-    """However long it is, a source that has all of it is asked a few times."""
+    """A long line that is complete is read in a few pieces."""
     inbox, line, waits = Inbox(), b"d" * (MAX_LINE - 1) + b"\n", 0
     reading = inbox.line()
     for size in reading:
@@ -370,7 +370,7 @@ def test_a_long_line_is_read_in_large_pieces():
 
 
 def test_a_line_without_an_end_is_refused():
-    """Before it fills the memory."""
+    """A line longer than MAX_LINE is refused."""
     end = End([b"d" * CHUNK] * (MAX_LINE // CHUNK + 1))
     with pytest.raises(ProtocolError, match="a line of more than"):
         next(end.receive(lines.LineReceiver(end.inbox, acknowledged=False).messages()))
@@ -379,7 +379,7 @@ def test_a_line_without_an_end_is_refused():
 @given(st.binary(max_size=300), cuts)
 @settings(deadline=None, max_examples=100)
 def test_any_bytes(data: bytes, places: Cuts):
-    """Every receiver gives the same events for any pieces of any bytes, and raises nothing but errors of its own."""
+    """Each receiver has the same events for any pieces of any bytes, and raises only its own errors."""
     for receiver in (binary.BinaryReceiver, lines.LineReceiver, UnframedReceiver, CommandReceiver):
         outcomes = []
         for pieces in ([data], cut(data, places)):
@@ -404,7 +404,7 @@ def test_any_bytes(data: bytes, places: Cuts):
     ],
 )
 def test_a_reply_is_read_while_it_arrives(value: object, codec: Codec[object]):
-    """However the bytes come, the object is there with the last of them, also one that is no bottle."""
+    """A reply is complete with its last byte, in any pieces and of any codec."""
     data = b"".join(codec.encode(value, Dialect.YARP3))
     for step in (1, 7, len(data)):
         end = End([*cut(data[:-1], step), data[-1:] + framing.ACK])
@@ -415,7 +415,7 @@ def test_a_reply_is_read_while_it_arrives(value: object, codec: Codec[object]):
 
 
 def test_a_reply_that_is_no_object_is_refused_while_it_arrives():
-    """Whether the damage is there at once or comes later."""
+    """An invalid reply is refused, whether it arrives at once or in pieces."""
     good = encode(Bottle.parse(TALK))
     bad = good[:-20] + b"\2\0\0\0" + good[-16:]
     for pieces in ([bad], [bad[:100], bad[100:]]):
@@ -425,7 +425,7 @@ def test_a_reply_that_is_no_object_is_refused_while_it_arrives():
 
 
 def test_a_slow_peer_costs_no_more_than_a_quick_one():
-    """Ten times the bytes, one by one, are ten times the work and not a hundred times: here, the calls of functions."""
+    """The work for a reply that arrives byte by byte grows linearly, counted by function calls."""
 
     def drip(count: int) -> int:
         end = End(cut(encode(Bottle([["a", index] for index in range(count)])), 1))
@@ -446,7 +446,7 @@ def test_a_slow_peer_costs_no_more_than_a_quick_one():
 
 
 def test_a_question_in_text_is_answered_up_to_the_acknowledgement():
-    """And without acknowledgements the reply is not awaited."""
+    """The reply to a text request has the lines before the acknowledgement; without those there is none."""
     end = End([b"Welcome admin\r\n1 2\r\n", b"3\r\n<ACK>\r\n"])
     sender = lines.LineSender(end.inbox, acknowledged=True)
     end.run(sender.greet(lines.TEXT_ACK.header, "admin"))

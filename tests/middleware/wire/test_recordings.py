@@ -1,4 +1,4 @@
-"""Recorded conversations of YARP 3.12.3 and 4.0.0 through the wire floor alone: no socket and no port."""
+"""Recorded conversations of YARP 3.12.3 and 4.0.0 through the wire floor alone, without sockets and ports."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ version = pytest.mark.parametrize("version", VERSIONS)
 
 
 def port_talk(version: str, carrier: str) -> list[Segment]:
-    """A conversation of two ports."""
+    """Return a conversation of two ports."""
     return segments(recordings(version, "ports.json")[carrier])
 
 
 def said(talk: list[Segment], way: str) -> bytes:
-    """All bytes that went one way."""
+    """Return all bytes of one direction."""
     return b"".join(data for direction, data in talk if direction == way)
 
 
 @version
 def test_datagrams(version: str):
-    """Each is one message, which is made the same way."""
+    """Each recorded datagram decodes to one message, which encodes to the same datagram."""
     assembler = Assembler()
     for (_, datagram), text in zip(port_talk(version, "udp datagrams"), MESSAGES, strict=True):
         received = assembler.feed(datagram)
@@ -51,14 +51,14 @@ def test_datagrams(version: str):
 
 @version
 def test_text_command_ends_datagrams(version: str):
-    """A sender of datagrams names itself in a command on a text connection."""
+    """The recorded text command of a sender of datagrams has its name."""
     _, command, end, _ = said(port_talk(version, "udp end"), ">").decode().split("\r\n")
     assert framing.text_command(command) == framing.Command("~", "~/wr_udp", 0)
     assert framing.text_command(end).key == "q"
 
 
 def name_server_lines_of(version: str, way: str) -> list[str]:
-    """All lines that clients of the name server said, or that it answered."""
+    """Return all lines that clients sent to the name server, or that it answered."""
     found = []
     for what in ("names", "carriers"):
         for talk in json.loads((_DATA / version / f"name_server_{what}.json").read_text("utf-8")):
@@ -68,7 +68,7 @@ def name_server_lines_of(version: str, way: str) -> list[str]:
 
 @version
 def test_registrations(version: str):
-    """Every line that describes a port is understood, and made again."""
+    """Every recorded registration is read, and written again."""
     described = [line for line in name_server_lines_of(version, "<") if line.startswith("registration")]
     assert len(described) == 49
     for line in described:
@@ -79,7 +79,7 @@ def test_registrations(version: str):
 
 @version
 def test_commands_to_a_name_server(version: str):
-    """Every command is made again from its words."""
+    """Every recorded command is written again from its words."""
     prefix = f"{name_server_lines.PREFIX} "
     asked = [line.removeprefix(prefix) for line in name_server_lines_of(version, ">") if line.startswith(prefix)]
     assert len(asked) > 100
