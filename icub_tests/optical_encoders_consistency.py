@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rtf.robot.errors import RobotError
-from rtf.robot_testing import Safety, fit_line, likely_causes
+from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.joints_test import JointsTest
+from rtf.robot_testing.judging.robust_line import slopes_between
 from rtf.robot_testing.motion.joint_swings import JointSwinger, Outcome, ends_of
 from rtf.robot_testing.motion.joints_out_of_limits import exclude_joints_out_of_limits
 from rtf.robot_testing.motion.part import PACE
@@ -21,6 +22,7 @@ from rtf.testing import Parameter
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Trace
+    from rtf.robot_testing.judging.robust_line import Slopes
     from rtf.robot_testing.motion.routines import Routine
 
 #: Least motion of a joint's encoder that counts as a swing, deg.
@@ -36,6 +38,9 @@ _KNOWN_RATIOS = (1.5,)
 _SAME, _CLOSE = 1e-3, 0.01
 #: Residual, as a share of the half swing, from which on the estimated ratios are uncertain.
 _DOUBTFUL = 0.02
+#: Spikes are farther from the median than this number of quartile distances; no noise is, not even of few states. They
+#: are told of when they are less than this share of the states.
+_SPIKE, _RARE = 10.0, 0.1
 #: A delay is estimated where a joint is faster than this share of its greatest speed: there it has passed all play. Its
 #: speed is the slope over this number of states to either side, to smooth the resolution of encoders.
 _FAST, _ASIDE = 0.5, 5
@@ -62,8 +67,9 @@ class _Swing(NamedTuple):
 class OpticalEncodersConsistency(JointsTest):
     """Swings joints one by one, and compares joint and motor encoders in every state.
 
-    The row of each motor in gearboxes and couplings is estimated by least squares from all swings of its board, which
-    separates a wrong ratio, a wrong sign and a wrong coupling. The residual is noise and play. Joints that cannot
+    The row of each motor in gearboxes and couplings is estimated from the swings of all joints of its board, which
+    separates a wrong ratio, a wrong sign and a wrong coupling. A ratio is wrong only if the motor by the joint and the
+    joint by the motor both say so, without outliers. The residual is noise and play. Joints that cannot
     collide, such as an arm and its hand, swing at the same time, but never two of one board.
     """
 
@@ -210,8 +216,8 @@ class OpticalEncodersConsistency(JointsTest):
             f"{name} moves by {self.shown(travel, '.1f')}, its motor's encoder does not; {likely_causes('frozen')}",
         )
         ratios, left = self._estimate(joint, data)
-        # A residual that is a large share of the half swing makes the slope less certain.
-        doubt = float(left.std()) / (travel / 2)
+        # Play makes the motor turn farther than the joint; spikes do not.
+        doubt = float(np.median(np.abs(left))) / (travel / 2)
         self._judge_ratios(joint, ratios, self.ratio_tolerance / 100.0 + (doubt if doubt > _DOUBTFUL else 0.0))
         if self._judge_residual(joint, data, left):
             self._judge_speeds(joint, own)
@@ -223,33 +229,48 @@ class OpticalEncodersConsistency(JointsTest):
         own = np.column_stack([column[:, joint] for column in data[2:-1]])
         return int((~np.isfinite(np.column_stack([own, data.joints[:, turning]])).all(axis=1)).sum())
 
-    def _estimate(self, joint: int, data: _Data) -> tuple[dict[int, float], FloatArray]:
-        """Return the ratios of the motor to each joint of its board, by its own ratio, and the residual (deg)."""
-        factor = float(self.transmission.factors[joint])
-        moved = [j for j in self.transmission.blocks[joint] if np.ptp(data.joints[:, j]) >= _SWUNG]
-        expected = self.transmission.gearbox[joint] * self.transmission.coupling[joint]
-        still = [j for j in range(len(expected)) if j not in moved and expected[j]]
-        rest = data.motors[:, joint] - data.joints[:, still] @ expected[still]
-        columns = np.column_stack([data.joints[:, moved], np.ones(len(rest))])
-        estimate, *_ = np.linalg.lstsq(columns, rest, rcond=None)
-        left: FloatArray = (rest - columns @ estimate) / factor
-        return dict(zip(moved, (estimate[:-1] / factor).tolist(), strict=True)), left
+    def _estimate(self, joint: int, data: _Data) -> tuple[dict[int, Slopes], FloatArray]:
+        """Return the ratios of the motor to each swung joint of its board, by its own ratio, and the residual (deg).
 
-    def _judge_ratios(self, joint: int, ratios: dict[int, float], limit: float) -> None:
+        Each ratio is estimated from the swings of that joint, as the others rest meanwhile.
+        """
+        factor = float(self.transmission.factors[joint])
+        row = self.transmission.gearbox[joint] * self.transmission.coupling[joint] / factor
+        ratios: dict[int, Slopes] = {}
+        found = row.copy()
+        for other in self._swung(joint):
+            swing = _joined([self._swings[other].trace])
+            rest = swing.joints @ np.where(np.arange(len(row)) == other, 0.0, row)
+            ratios[other] = slopes_between(swing.joints[:, other], swing.motors[:, joint] / factor - rest)
+            found[other] = ratios[other].nearest(row[other])
+        left = data.motors[:, joint] / factor - data.joints @ found
+        left -= np.median(left)
+        return ratios, left
+
+    def _swung(self, joint: int) -> list[int]:
+        """Return the joints of a joint's board that have swung, in the order of their recordings."""
+        of_board = [one for one in self.chosen if one in self.transmission.blocks[joint]]
+        traces = [(one, self._swings[one].trace) for one in of_board]
+        return [one for one, trace in traces if len(trace) and np.ptp(trace.positions[:, one]) >= _SWUNG]
+
+    def _judge_ratios(self, joint: int, ratios: dict[int, Slopes], limit: float) -> None:
         """Judge the motor's row of the couplings against the configuration."""
         names, own = self.robot_part.names, self.transmission.coupling[joint]
-        factor = float(self.transmission.factors[joint])
-        expected = self.transmission.gearbox[joint] * own / factor
-        ratio = ratios[joint]
+        expected = self.transmission.gearbox[joint] * own / float(self.transmission.factors[joint])
         if own[joint]:
+            ratio = ratios[joint].nearest(1.0)
             hint = f"{names[joint]}: {_ratio_hint(ratio)}"
             self.measure("ratio to what is configured", ratio, low=1 - limit, high=1 + limit, hint=hint)
-        errors = {other: found - float(expected[other]) for other, found in ratios.items() if other != joint}
+        errors = {
+            other: found.nearest(float(expected[other])) - float(expected[other])
+            for other, found in ratios.items()
+            if other != joint
+        }
         if errors:
             worst = max(errors, key=lambda other: abs(errors[other]))
             hint = (
-                f"{names[joint]}: its motor turns {ratios[worst]:.3f} times with {names[worst]}, in units of its "
-                f"own ratio, not {expected[worst]:.3f} times; {likely_causes('ratio')}"
+                f"{names[joint]}: its motor turns {expected[worst] + errors[worst]:.3f} times with {names[worst]}, in "
+                f"units of its own ratio, not {expected[worst]:.3f} times; {likely_causes('ratio')}"
             )
             self.measure("greatest error of a coupling", errors[worst], low=-limit, high=limit, hint=hint)
 
@@ -266,7 +287,8 @@ class OpticalEncodersConsistency(JointsTest):
         if play > self.backlash:
             return False  # play also shows in the rms, and has been judged
         high = self.noise + play / 2
-        hint = f"{name}: joint and motor disagree by {self.shown(rms)} rms; {likely_causes('noise', 'drift')}"
+        causes = likely_causes("noise", "drift")
+        hint = f"{name}: joint and motor disagree by {self.shown(rms)} rms{_spikes(left)}; {causes}"
         self.measure("rms of the disagreement", rms, "deg", high=high, hint=hint)
         return rms <= high
 
@@ -289,7 +311,7 @@ class OpticalEncodersConsistency(JointsTest):
 
     def _judge_speed(self, joint: int, what: str, time: FloatArray, positions: FloatArray, speeds: FloatArray) -> None:
         name, limit = self.robot_part.names[joint], self.velocity_tolerance / 100.0
-        agreement = fit_line(speeds[1:-1], _derived(time, positions)).slope
+        agreement = slopes_between(speeds[1:-1], _derived(time, positions)).nearest(1.0)
         hint = (
             f"{name}: by its positions the {what} is {agreement:.2f} times as fast as its measured speed; "
             f"{likely_causes('ratio', 'frozen')}"
@@ -342,6 +364,14 @@ def _two_sided(left: FloatArray, signal: FloatArray, share: float) -> float:
     level = share * float(np.abs(signal).max(initial=0.0))
     above, below = left[signal > level], left[signal < -level]
     return abs(float(above.mean() - below.mean())) if min(above.size, below.size) >= _FEWEST else 0.0
+
+
+def _spikes(left: FloatArray) -> str:
+    """Return how many residuals (deg) are spikes, as a part of a sentence; "" if they are not few."""
+    away = np.abs(left)
+    spikes = away > _SPIKE * float(np.median(away))
+    share = float(spikes.mean())
+    return f", by spikes in {spikes.sum()} of {left.size} states" if 0 < share < _RARE else ""
 
 
 def _ratio_hint(ratio: float) -> str:

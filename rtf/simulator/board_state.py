@@ -260,9 +260,13 @@ class BoardState(MotorBoard, BoardDriver):
         if self._encoder_shift is None:
             self._encoder_shift = np.zeros(self.count)
         self._encoder_shift[axes] += values - self.position[axes]
+        self.hold_as_shown(axes)
+
+    def hold_as_shown(self, axes: NDArray[np.intp]) -> None:
+        """Let the controllers of axes continue from what their encoders show, after this has jumped."""
         self._measured_tick = self._snapshot_tick = -1
         self.measure()
-        self._hold(axes, values)
+        self._hold(axes, self.position[axes])
 
     def shift_motor_encoders(self, axes: NDArray[np.intp], values: FloatArray) -> None:
         """Set the encoder readings of rotors."""

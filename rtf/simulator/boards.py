@@ -102,10 +102,10 @@ class Boards(BoardState):
         self._driven = None
         if self.motor_faults:
             self._driven = self._ctrl.copy()
-            driven = self.output
+            driven = self.motor_duties()
             for fault in self.motor_faults:
                 fault(driven, now)
-            np.multiply(driven, self.newton_metres, out=self._ctrl)
+            np.multiply(self._drive @ driven, self.newton_metres, out=self._ctrl)
         for change in self.plant_faults:
             change(now)
 

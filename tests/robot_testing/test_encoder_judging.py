@@ -168,3 +168,33 @@ def test_the_stiction_of_few_repetitions_has_their_spread():
     assert "elbow needs 12.0 % (11.5 to 12.5 in 2 times) of duty cycle beyond the load of gravity" in failure
     (failure,) = stiction(12.0)
     assert "elbow needs 12.0 % of duty cycle beyond" in failure
+
+
+@pytest.mark.parametrize("column", ["positions", "motor_positions"])
+def test_spikes_of_an_encoder_are_no_wrong_ratio(column):
+    """Single states that are far off, of either encoder, are called spikes, and their number is in the message."""
+    trace = swung()
+    getattr(trace, column)[7::60] += 30.0 * (_GEAR if column == "motor_positions" else 1.0)
+    kept = consistency(trace)
+    assert kept.values["ratio to what is configured"] == pytest.approx(1.0, abs=0.005)
+    noise, *_ = kept.failures
+    assert "elbow: joint and motor disagree by" in noise
+    assert "by spikes in" in noise
+    assert not [failure for failure in kept.failures if "a stage of" in failure]
+
+
+def test_a_noisy_joint_encoder_is_no_wrong_ratio():
+    """Its noise makes the slope of the motor by the joint too small, and not that of the joint by the motor."""
+    trace = swung()
+    trace.positions = trace.positions + np.random.default_rng(2).normal(0.0, 3.0, trace.positions.shape)
+    kept = consistency(trace)
+    assert kept.values["ratio to what is configured"] == pytest.approx(1.0, abs=0.02)
+    assert "elbow: joint and motor disagree by" in kept.failures[0]
+
+
+def test_a_wrong_ratio_is_found_in_spite_of_spikes():
+    """And the known stage is named."""
+    trace = swung()
+    trace.motor_positions = trace.motor_positions / 1.5
+    trace.positions[7::60] += 30.0
+    assert "times as far as configured: a stage of 1.5 too few in the mechanics" in consistency(trace).failures[0]

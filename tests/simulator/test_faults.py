@@ -327,6 +327,31 @@ def jitters(bench: Bench) -> None:
     assert 0.4 < np.std(errors) < 0.6
 
 
+def exchanges_its_encoder(bench: Bench) -> None:
+    """It shows the position of the next joint, which shows that of the elbow; at first both are held as they are."""
+    before = bench.true
+    bench.run(0.02)
+    assert bench.true == pytest.approx(before, abs=0.5)
+    angles = np.degrees(bench.simulation.data.actuator_length)
+    assert bench.arm.encoders([3, 4]) == pytest.approx(angles[[ELBOW + 1, ELBOW]], abs=0.02)
+
+
+def exchanges_its_motor_encoder(bench: Bench) -> None:
+    """Its motor's encoder stands still while it moves; that of the next motor turns."""
+    before = bench.arm.motor_encoders([3, 4])
+    bench.move(bench.true + 10.0)
+    assert np.abs(bench.arm.motor_encoders([3, 4]) - before) == pytest.approx([0.0, 1000.0], abs=100.0)
+
+
+def exchanges_its_motor(bench: Bench) -> None:
+    """Moved, it drives the next joint, which drives it."""
+    before = bench.true, bench.arm.encoders(4).item()
+    bench.boards.speeds[ELBOW] = 100.0
+    bench.boards.move(HERE, np.array([before[0] + 10.0]))
+    bench.run(0.1)
+    assert abs(bench.arm.encoders(4).item() - before[1]) > 5.0
+
+
 def motor(bench: Bench) -> tuple[float, float]:
     """The angle that the elbow's motor shows, and the one at which it is (deg)."""
     true = bench.boards.gearbox * (bench.boards.joint_to_motor @ np.degrees(bench.simulation.data.actuator_length))
@@ -666,6 +691,9 @@ SHOWS: dict[str, Callable[[Bench], None]] = {
     "encoder_sign": counts_down,
     "encoder_frozen": shows_the_same,
     "encoder_noise": jitters,
+    "encoders_swapped": exchanges_its_encoder,
+    "motor_encoders_swapped": exchanges_its_motor_encoder,
+    "motors_swapped": exchanges_its_motor,
     "motor_encoder_drift": motor_drifts,
     "motor_encoder_jump": motor_jumps,
     "motor_encoder_scale": motor_is_scaled,
@@ -1000,3 +1028,26 @@ def test_the_page_has_the_catalogue():
     found = re.search(r"<!-- the kinds: [^\n]* -->\n(.*)<!-- the kinds end -->", page, re.DOTALL)
     assert found is not None
     assert found[1].strip() == catalogue.as_markdown(KINDS.values()).strip()
+
+
+# Wiring -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("by", [-3.0, 0.0, 3.0])
+def test_only_two_joints_of_a_part_are_exchanged(bench: Bench, by: float):
+    """There is none before the first of the arm, and none is exchanged with itself."""
+    target = "l_shoulder_pitch" if by < 0 else "l_pinky" if by > 0 else JOINT
+    with pytest.raises(RefusedError, match=f"encoders_swapped: {by:g} joints farther than {target} is no other one"):
+        bench.faults.inject("encoders_swapped", target, {"by": by})
+
+
+def test_a_dead_motor_of_two_that_share_joints_changes_the_torques_of_both(bench: Bench):
+    """Faults of motors are of motors: what the board commands to roll and pitch of the torso is what both give."""
+    torso = np.array([INDEX["torso_roll"], INDEX["torso_pitch"]])
+    bench.boards.speeds[torso] = 20.0
+    bench.boards.move(torso, np.array([20.0, 0.0]))
+    bench.run(0.5)
+    held = bench.boards.measured_torques()[torso]
+    bench.faults.inject("motor_dead", "torso_roll")
+    bench.run(0.002)
+    assert (np.abs(bench.boards.measured_torques()[torso] - held) > 0.5).all()

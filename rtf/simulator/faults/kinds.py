@@ -6,7 +6,7 @@ import re
 from typing import TYPE_CHECKING
 
 from rtf.robot.errors import RefusedError
-from rtf.simulator.faults import boards, depth, encoders, mechanics, network, sensors, skin
+from rtf.simulator.faults import boards, depth, encoders, mechanics, network, sensors, skin, wiring
 from rtf.simulator.faults.base import Fault
 from rtf.testing import plugins
 
@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 KINDS: Mapping[str, type[Fault]] = {
-    kind.kind: kind for layer in (mechanics, encoders, boards, sensors, skin, depth, network) for kind in layer.KINDS
+    kind.kind: kind
+    for layer in (mechanics, encoders, wiring, boards, sensors, skin, depth, network)
+    for kind in layer.KINDS
 }
 #: Names can come from the network: one with a slash would name any file.
 _NAME = re.compile(r"[\w-]+")
