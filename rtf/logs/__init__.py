@@ -1,0 +1,1 @@
+"""Logs of programs, as YARP forwards them to ``/yarplogger``."""
