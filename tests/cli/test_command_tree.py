@@ -1,4 +1,4 @@
-"""The rules that all commands share: exit codes, help, words that are none, and the streams and folder they need."""
+"""The rules of all commands: exit codes, help, unknown words, and the streams and folder that they need."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ class Fine(TestCase):
 
 
 def call(*words: str, folder: Path, **given: object) -> subprocess.CompletedProcess[str]:
-    """Run a program as a process of its own."""
+    """Run a program in a process."""
     words = (sys.executable, "-m", MODULE[words[0]], *words[1:])
     return subprocess.run(words, cwd=folder, stderr=subprocess.PIPE, text=True, timeout=60, check=False, **given)
 
 
 @EVERY
 def test_help_is_no_error(root: Command, words: tuple[str, ...], command: Command, capsys: pytest.CaptureFixture[str]):
-    """It goes to the standard output, and names the command."""
+    """Help goes to standard output and names the command, with exit code 0."""
     for option in ("--help", "-h", "-?"):
         with pytest.raises(SystemExit) as ended:
             main(root, [*words, option])
@@ -51,7 +51,7 @@ def test_help_is_no_error(root: Command, words: tuple[str, ...], command: Comman
 def test_a_wrong_option_is_wrong_usage(
     root: Command, words: tuple[str, ...], command: Command, capsys: pytest.CaptureFixture[str]
 ):
-    """4, with the command that helps."""
+    """An unknown option ends with 4, and a hint to the help."""
     with pytest.raises(SystemExit) as ended:
         main(root, [*words, "--no-such-option=1", "word"])
     assert ended.value.code == ExitCode.USAGE
@@ -78,7 +78,7 @@ def test_what_ends_a_command_decides_its_exit_code(
     monkeypatch: pytest.MonkeyPatch,
     capfd: pytest.CaptureFixture[str],
 ):
-    """Never Python's own 1, which would mean failures."""
+    """Each kind of exception has its exit code, never 1, which means failed tests."""
 
     def broken(_words: object) -> int:
         raise error
@@ -98,7 +98,7 @@ def test_what_ends_a_command_decides_its_exit_code(
     ids=" ".join,
 )
 def test_without_an_output_or_a_folder_nothing_is_done(words: tuple[str, ...], tmp_path: Path):
-    """3, not the 1 of failures, and a sentence in place of a traceback."""
+    """Without standard output or working folder a command ends with 3, without a traceback."""
     command = [sys.executable, "-m", MODULE[words[0]], *words[1:]]
     spoil = "import os, sys; os.{}; os.execv(sys.executable, {!r})"
     (tmp_path / "gone").mkdir()
@@ -114,7 +114,7 @@ def test_without_an_output_or_a_folder_nothing_is_done(words: tuple[str, ...], t
 
 
 def test_a_full_disk_is_no_failure_of_a_test(tmp_path: Path):
-    """What was not shown to anybody is an internal error, though every test passed."""
+    """If the output cannot be written, the exit code is that of an internal error."""
     (tmp_path / "fine.py").write_text(FINE)
     with open("/dev/full", "w") as full:  # noqa: PTH123
         done = call("testrunner", "fine.py", folder=tmp_path, stdout=full)
@@ -122,7 +122,7 @@ def test_a_full_disk_is_no_failure_of_a_test(tmp_path: Path):
 
 
 def test_ctrl_c_in_the_last_moment(tmp_path: Path):
-    """A signal that comes when all is said and done changes nothing: the exit code is the run's, not -2."""
+    """A signal while Python shuts down does not change the exit code."""
     (tmp_path / "fine.py").write_text(FINE)
     program = (
         "import os, signal, sys\n"
@@ -141,7 +141,7 @@ def test_ctrl_c_in_the_last_moment(tmp_path: Path):
 
 @pytest.mark.parametrize("interrupt", ["raise KeyboardInterrupt", "raise RuntimeError() from KeyboardInterrupt()"])
 def test_ctrl_c_in_generated_code(interrupt: str, tmp_path: Path):
-    """An interrupt that strikes while a class is made ends with 2: Python itself would die of the signal in the end."""
+    """KeyboardInterrupt from code that was compiled from text ends with 2, not by the signal."""
     program = (
         "import sys\n"
         "from rtf.cli.command_tree import Command\n"
@@ -176,12 +176,12 @@ def test_ctrl_c_in_generated_code(interrupt: str, tmp_path: Path):
     ids=" ".join,
 )
 def test_no_word_is_dropped(words: tuple[str, ...], tmp_path: Path):
-    """A word that a command has no use for is wrong usage."""
+    """A superfluous word is wrong usage."""
     done = call(*words, folder=tmp_path, stdout=subprocess.PIPE)
     assert done.returncode == ExitCode.USAGE
     assert "--help" in done.stderr
 
 
 def test_a_misspelt_command_is_told_the_right_one(tmp_path: Path):
-    """The nearest name."""
+    """The error about an unknown command names the nearest one."""
     assert "did you mean version?" in call("rtf", "verison", folder=tmp_path).stderr

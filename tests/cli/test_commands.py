@@ -1,4 +1,4 @@
-"""The commands beside running: describe, validate, report, where; and the ``rtf`` command."""
+"""The commands describe, validate, report and where, and the command ``rtf``."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_describe_prints_the_declared_parameters(folder: Path):
-    """Name, type, unit, default, range and meaning, and what the author wrote."""
+    """``describe`` prints names, parameters with unit and range, safety, and the author's text."""
     done = run_command(folder, "describe", "elbow-reach")
     assert done.exit_code == 0
     assert "Elbow (also: elbow-reach)" in done.stdout
@@ -52,13 +52,13 @@ def test_describe_prints_the_declared_parameters(folder: Path):
 
 
 def test_describe_writes_markdown_for_the_documentation(folder: Path):
-    """The same table, to be put into a page."""
+    """``--markdown`` prints the table of parameters for a page."""
     done = run_command(folder, "describe", "elbow.py", "--markdown")
     assert "| `speed` | float | deg/s | `20` | within [1, 100] deg/s | reference speed |" in done.stdout
 
 
 def test_describe_survives_a_plugin_that_does_not_load(folder: Path):
-    """A crash or a hang while loading is a finding."""
+    """A plug-in that crashes while it is loaded is reported, with exit code 4."""
     (folder / "crash.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)\n")
     done = run_command(folder, "describe", "crash.py")
     assert done.exit_code == ExitCode.USAGE
@@ -66,13 +66,13 @@ def test_describe_survives_a_plugin_that_does_not_load(folder: Path):
 
 
 def test_describe_of_nothing_lists_all(folder: Path):
-    """What is there to be described."""
+    """Without a name ``describe`` lists all tests, or all fixtures."""
     assert "Elbow  Reaches a target." in run_command(folder, "describe").stdout
     assert "process" in run_command(folder, "describe", "--fixture").stdout.lower()
 
 
 def test_validate_tells_every_problem_of_every_file(folder: Path):
-    """Suite files, plug-ins, parameters and parameter files: all of it before anything moves."""
+    """``validate`` reports all problems of suites, plug-ins, parameters and their files."""
     (folder / "bad.xml").write_text(
         '<suite name="bad">\n<fixture>nonesuch</fixture>\n<test param="--part arm --sped 3">elbow.py</test>\n'
         '<test>missing</test>\n<test param="--from lost.ini">elbow.py</test>\n</suite>',
@@ -90,7 +90,7 @@ def test_validate_tells_every_problem_of_every_file(folder: Path):
 )
 @pytest.mark.parametrize("command", [["--suite"], ["validate"]])
 def test_a_name_that_no_suite_knows_is_refused_unless_leniently(folder: Path, command: list[str], body: str, hint: str):
-    """A test or its limit would be lost without a word; nothing runs, and the hint says what is meant."""
+    """An unknown element or attribute is an error with a hint; with ``--lenient`` the suite runs."""
     text = f'<suite name="t"><test param="--part arm"> elbow.py </test>{body}</suite>'
     write_files(folder, {"t__xml": text.replace("timeot", 'param="--part arm" timeot')})
     done = run_command(folder, *command, "t.xml")
@@ -101,7 +101,7 @@ def test_a_name_that_no_suite_knows_is_refused_unless_leniently(folder: Path, co
 
 
 def test_validate_of_a_folder_without_suites_is_an_error(folder: Path):
-    """Somebody has mistyped a path, or forgotten to check something out; files that are no suites are none."""
+    """A folder without suites is an error of ``validate``; other XML files are ignored."""
     (folder / "empty").mkdir()
     (folder / "empty" / "notes.xml").write_text("<notes/>")
     done = run_command(folder, "validate", "empty", "s.xml")
@@ -121,7 +121,7 @@ def test_validate_of_a_folder_without_suites_is_an_error(folder: Path):
     ],
 )
 def test_validate_warns_of_a_part_that_the_simulated_robot_has_not(folder: Path, robot: str, test: str, said: str):
-    """Of that robot it is known, of another one it is not."""
+    """``validate`` warns of a part that the simulated robot lacks, not of parts of other robots."""
     (folder / "sim.xml").write_text(
         f'<suite name="sim"><fixture name="names">yarpserver</fixture>'
         f'<fixture name="robot" depends="names" {robot}>simulator</fixture>'
@@ -148,7 +148,7 @@ class Bomb(TestCase):
 
 
 def test_validate_loses_no_finding_to_a_plug_in_that_crashes(folder: Path):
-    """All uses of a plug-in are looked at together; one that ends the process takes no other with it."""
+    """A plug-in that crashes with one use does not hide the findings of its other uses."""
     (folder / "bomb.py").write_text(BOMB)
     uses = "".join(f'<test name="{speed}" param="--speed {speed}">bomb.py</test>' for speed in ("1", "9", "quick"))
     (folder / "bombs.xml").write_text(f'<suite name="bombs">{uses}</suite>')
@@ -159,7 +159,7 @@ def test_validate_loses_no_finding_to_a_plug_in_that_crashes(folder: Path):
 
 
 def test_report_rebuilds_reports_from_the_journal(folder: Path):
-    """A report made later is the report made then."""
+    """A report from the journal has the bytes of the report of the run."""
     run_command(folder, "-s", "s.xml", "--junit", "then.xml")
     done = run_command(folder, "report", "rtf-runs/latest", "--junit", "later.xml", "-q")
     assert done.exit_code == 0
@@ -167,20 +167,20 @@ def test_report_rebuilds_reports_from_the_journal(folder: Path):
 
 
 def test_report_exits_as_the_run_did(folder: Path):
-    """A pipeline may report in a step of its own."""
+    """``report`` has the exit code of the run."""
     run_command(folder, "-t", "elbow.py")
     assert run_command(folder, "report", "rtf-runs/latest").exit_code == ExitCode.FAILURES
 
 
 def test_report_of_nothing_is_an_error(folder: Path):
-    """A wrong path is named."""
+    """The error about a missing run names the path."""
     done = run_command(folder, "report", "nowhere")
     assert done.exit_code == ExitCode.USAGE
     assert "nowhere" in done.stderr
 
 
 def test_where_prints_every_place_and_which_one_wins(folder: Path):
-    """The nearest file wins, and the one that was hidden by it is shown."""
+    """``where`` prints the path of the nearest file, and those that it shadows."""
     (folder / "camera.ini").write_text("a 1\n")
     context = folder / "contexts" / "icubSim"
     context.mkdir(parents=True)
@@ -193,7 +193,7 @@ def test_where_prints_every_place_and_which_one_wins(folder: Path):
 
 
 def test_rtf_gathers_the_tools(folder: Path):
-    """One name, a word for each tool; a misspelt one is told."""
+    """``rtf`` runs each tool by a word, and names an unknown one."""
 
     def rtf(*arguments: str) -> subprocess.CompletedProcess[str]:
         command = [sys.executable, "-m", "rtf", *arguments]

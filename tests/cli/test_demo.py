@@ -1,4 +1,4 @@
-"""The demonstration: from the checkout, and from a wheel in an environment that has nothing else."""
+"""The demonstration, from the checkout, and from a wheel in an empty environment."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def call(*command: str | Path, folder: Path) -> subprocess.CompletedProcess[str]
 
 
 def test_the_demo_sees_what_happens(tmp_path: Path):
-    """Every verdict of the demonstration is the expected one, and the last lines say so and name the archived page."""
+    """All verdicts are the expected ones, and the last lines have the result and the archived page."""
     (tmp_path / "before.py").write_text(BEFORE)
     assert call(sys.executable, "-m", "rtf.cli.testrunner", "--test", "before.py", folder=tmp_path).returncode == 0
     done = call(sys.executable, "-m", "rtf", "demo", "--quick", folder=tmp_path)
@@ -44,7 +44,7 @@ def test_the_demo_sees_what_happens(tmp_path: Path):
 
 
 def test_both_dialects_are_shown_unless_one_is_set():
-    """A set dialect is that of all robots, so the suite whose robot is of YARP 4 is left out."""
+    """Without a set dialect the suite of YARP 4 is among the demonstration's suites."""
     assert {*BATTERY, YARP4_SHARE} <= {*battery_suites(None)}
     assert YARP4_SHARE not in {*battery_suites(Dialect.YARP3), *battery_suites(Dialect.YARP4)}
     assert all((ROOT / "suites" / "icubSim" / f"{name}.xml").exists() for name in battery_suites(None))
@@ -61,7 +61,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_wheel_puts_only_rtf_into_site_packages(wheel: Path):
-    """No generic name such as ``fixtures`` or ``tests`` reaches anybody's environment."""
+    """The wheel installs the package ``rtf`` only, with all data inside it."""
     tops = {name.partition("/")[0] for name in zipfile.ZipFile(wheel).namelist()}
     assert {top for top in tops if not top.endswith(".dist-info")} == {"rtf"}
     names = zipfile.ZipFile(wheel).namelist()
@@ -76,7 +76,7 @@ def test_the_wheel_puts_only_rtf_into_site_packages(wheel: Path):
 
 
 def test_the_wheel_runs_the_demo_in_an_empty_environment(wheel: Path, tmp_path: Path):
-    """What is installed is complete: nothing of the checkout is needed."""
+    """The installed wheel runs the demonstration without the checkout."""
     venv.create(tmp_path / "env")
     pip = (sys.executable, "-m", "pip", "--python", tmp_path / "env")
     installed = call(*pip, "install", "--quiet", "--no-compile", f"{wheel}[lua]", folder=tmp_path)

@@ -1,4 +1,4 @@
-"""``testrunner history``: what it shows, to people and programs, and the care of the file."""
+"""``testrunner history``: its output as text and JSON, and changes of the file."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FILE = "h.sqlite"
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Twenty runs of a robot: one knee wears, a supply is near its limit, one test is flaky, one fails."""
+    """Twenty runs of a robot: a knee wears, a supply is near its limit, a test is flaky, another fails."""
     for index in range(20):
         slips = index % 4 == 1
         values = {
@@ -40,7 +40,7 @@ def folder(tmp_path: Path) -> Path:
 
 @dataclass
 class Shown:
-    """What came of a command."""
+    """The result of a command."""
 
     exit_code: int
     stdout: str
@@ -49,7 +49,7 @@ class Shown:
 
 @pytest.fixture
 def shown(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Shown]:
-    """What ``testrunner history`` does with these words, in a folder."""
+    """Return a function that runs ``testrunner history`` in a folder."""
     monkeypatch.delenv("FORCE_COLOR", raising=False)
 
     def run(folder: Path, *words: str) -> Shown:
@@ -62,7 +62,7 @@ def shown(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_the_overview_tells_what_needs_a_look(shown: Callable[..., Shown], folder: Path):
-    """The last ten runs, flaky and failing tests, drifts and what is close to a limit; nothing else."""
+    """The overview has the last ten runs, flaky and failing tests, drifts, and values near a limit."""
     done = shown(folder)
     assert (done.exit_code, done.stderr) == (0, "")
     lines = done.stdout.splitlines()
@@ -81,7 +81,7 @@ def test_the_overview_tells_what_needs_a_look(shown: Callable[..., Shown], folde
 
 
 def test_a_name_tells_all_about_it(shown: Callable[..., Shown], folder: Path):
-    """A block a measurement, and the tests of that name."""
+    """For a name the command prints each measurement and test that has it."""
     done = shown(folder, "left_knee", "power")
     assert (
         "\narm/reach  left_knee: error\n"
@@ -97,14 +97,14 @@ def test_a_name_tells_all_about_it(shown: Callable[..., Shown], folder: Path):
 
 
 def test_only_so_many_runs_count(shown: Callable[..., Shown], folder: Path):
-    """Too few of them tell no drift."""
+    """``--last`` limits the runs; too few of them show no drift."""
     done = shown(folder, "left_knee", "--last", "5")
     assert "5 runs" in done.stdout
     assert "too few runs to tell a drift" in done.stdout
 
 
 def test_programs_get_json(shown: Callable[..., Shown], folder: Path):
-    """The same trends, for tests and measurements that are named, too."""
+    """``--json`` has the same trends, also for named measurements."""
     everything = json.loads(shown(folder, "--json").stdout)
     assert len(everything["runs"]) == 20
     assert {*everything["tests"]} == {"arm/reach", "arm/power", "arm/broken"}
@@ -114,7 +114,7 @@ def test_programs_get_json(shown: Callable[..., Shown], folder: Path):
 
 
 def test_robots_are_mixed_only_when_asked(shown: Callable[..., Shown], folder: Path):
-    """Then each run says whose it is."""
+    """The history is that of one robot and station, unless patterns select several."""
     put(folder / FILE, stored(30, robot="icub02", station=""), {"arm/reach": "passed"})
     assert shown(folder).stdout.startswith("icub02 on unnamed station, 1 run  (")
     assert shown(folder, "--robot", "icub01").stdout.startswith("icub01 on bench, 20 runs")
@@ -125,13 +125,13 @@ def test_robots_are_mixed_only_when_asked(shown: Callable[..., Shown], folder: P
 
 
 def test_all_is_well(shown: Callable[..., Shown], tmp_path: Path):
-    """It is said in a sentence."""
+    """A history without findings ends with a sentence that says so."""
     put(tmp_path / FILE, stored(0), {"arm/reach": "passed"})
     assert shown(tmp_path).stdout.endswith("\n\nNo flaky or failing test, no drift, nothing close to a limit.\n")
 
 
 def test_colours_only_where_they_are_wanted(shown: Callable[..., Shown], folder: Path):
-    """Not into a pipe; words say the same."""
+    """Output into a pipe has no colours, and otherwise the same text."""
     plain, coloured = shown(folder).stdout, shown(folder, "--color", "always").stdout
     assert "\x1b" not in plain
     assert "\x1b[31mFAILED\x1b[0m" in coloured
@@ -139,14 +139,14 @@ def test_colours_only_where_they_are_wanted(shown: Callable[..., Shown], folder:
 
 
 def test_an_output_without_such_characters_gets_plain_ones(folder: Path):
-    """A terminal of another age still shows which run failed, and how a value rises."""
+    """An ASCII terminal gets plain characters for verdicts and curves."""
     text = run_command(folder, "history", "reach", "--history", FILE, PYTHONIOENCODING="ascii").stdout
     assert "+x+++x+++x+++x+++x++" in text
     assert "0.5 11222333444555566677 1.6" in text
 
 
 def test_whatever_tests_are_called_the_terminal_stays_whole(shown: Callable[..., Shown], tmp_path: Path):
-    """Control characters are written out."""
+    """Control characters in names are escaped."""
     hostile = "\x1b[2J\r\n<script>\u202e"
     key = (f"s/{hostile}", hostile, hostile)
     for index in range(12):
@@ -173,7 +173,7 @@ def test_whatever_tests_are_called_the_terminal_stays_whole(shown: Callable[...,
     ],
 )
 def test_what_is_not_there_is_an_error(shown: Callable[..., Shown], folder: Path, words: tuple[str, ...], told: str):
-    """That names it."""
+    """A name, robot or option that matches nothing is an error that names it."""
     done = shown(folder, *words)
     assert done.exit_code == ExitCode.USAGE
     assert told in done.stderr
@@ -181,7 +181,7 @@ def test_what_is_not_there_is_an_error(shown: Callable[..., Shown], folder: Path
 
 
 def test_without_a_history_it_is_said_how_one_comes_to_be(shown: Callable[..., Shown], tmp_path: Path):
-    """And none is made by looking."""
+    """A missing history is an error with a hint, and no file is made."""
     done = shown(tmp_path)
     assert done.exit_code == ExitCode.USAGE
     assert "there is no history h.sqlite yet: run tests with --history, or take archived runs in" in done.stderr
@@ -189,7 +189,7 @@ def test_without_a_history_it_is_said_how_one_comes_to_be(shown: Callable[..., S
 
 
 def test_an_empty_history_says_so(shown: Callable[..., Shown], tmp_path: Path):
-    """As after a first run that was killed."""
+    """A history without runs is an error that says so."""
     History(tmp_path / FILE, create=True).close()
     done = shown(tmp_path)
     assert (done.exit_code, "no run is in it" in done.stderr) == (ExitCode.USAGE, True)
@@ -206,7 +206,7 @@ class Fine(TestCase):
 
 
 def test_archived_runs_are_taken_in_and_out(shown: Callable[..., Shown], tmp_path: Path):
-    """Each once, however often it is named; what is no run does not hinder the others."""
+    """Runs are imported once each, and can be removed; a folder without a run is reported."""
     write_files(tmp_path, {"fine__py": FINE})
     for _ in range(2):
         assert run_command(tmp_path, "--test", "fine.py", "-q").exit_code == 0
@@ -224,13 +224,13 @@ def test_archived_runs_are_taken_in_and_out(shown: Callable[..., Shown], tmp_pat
 
 
 def test_only_the_last_runs_are_kept(shown: Callable[..., Shown], folder: Path):
-    """Of each robot and station."""
+    """``--prune`` keeps the last runs of each robot and station."""
     assert shown(folder, "--prune", "5").stdout == f"15 runs taken out of {FILE}\n"
     assert shown(folder).stdout.startswith("icub01 on bench, 5 runs")
 
 
 def test_the_help_teaches(tmp_path: Path):
-    """What the words mean, and examples; the other commands name this one."""
+    """The help explains the statistics, with examples; that of the runner names the command."""
     text = run_command(tmp_path, "history", "--help").stdout
     assert all(word in text for word in ("Wilson", "Mann-Kendall", "Theil-Sen", "--import rtf-runs/*"))
     assert "  history [NAME ...] " in run_command(tmp_path, "--help").stdout

@@ -1,4 +1,4 @@
-"""Plug-ins that start processes while they are imported: every command takes them as any other, and leaves nothing."""
+"""Plug-ins that start processes while they are imported: every command works with them, and leaves no process."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ COMMANDS = [
 @pytest.mark.parametrize("arguments", COMMANDS, ids=" ".join)
 @pytest.mark.parametrize("text", [FORKS, DAEMON, GOES_ON_TWICE], ids=["forks", "daemon", "goes on twice"])
 def test_a_plug_in_that_starts_processes_at_import_breaks_no_command(tmp_path: Path, text: str, arguments: list[str]):
-    """The command ends as with any plug-in, shows no traceback, and no process is left alive."""
+    """The command passes without a traceback, and no process is left."""
     suite = '<suite name="s"><test> starter.py </test></suite>'
     write_files(tmp_path, {"starter.py": text + TEST, "s.xml": suite})
     command = Command(tmp_path, *arguments)

@@ -1,4 +1,4 @@
-"""``rtf new``: what it writes passes, and nothing that exists is lost."""
+"""``rtf new``: its files pass, and no existing file is overwritten."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 
 def new(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    """``rtf new`` in a folder."""
+    """Run ``rtf new`` in a folder."""
     command = [sys.executable, "-m", "rtf", "new", *words]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, check=False)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_is_written_passes(kind: str, tmp_path: Path):
-    """The command that is printed runs a test that passes, and validating finds nothing."""
+    """The printed command runs a test that passes, and the suite is valid."""
     made = new(tmp_path, kind, "left_elbow")
     assert made.returncode == 0, made.stderr
     *written, following = made.stdout.splitlines()
@@ -40,7 +40,7 @@ def test_what_is_written_passes(kind: str, tmp_path: Path):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_nothing_is_overwritten(kind: str, tmp_path: Path):
-    """Where one of the files exists, none is written."""
+    """If one of the files exists, none is written."""
     written = [line.removeprefix("wrote ") for line in new(tmp_path, kind, "mine").stdout.splitlines()[:-1]]
     last = tmp_path / written[-1]
     last.write_text("mine")
@@ -55,6 +55,6 @@ def test_nothing_is_overwritten(kind: str, tmp_path: Path):
 
 @pytest.mark.parametrize("words", [("tset", "x"), ("test", "../x"), ("test", "1x"), ("test",), ("test", "x", "y")])
 def test_wrong_words_are_told(words: tuple[str, ...], tmp_path: Path):
-    """A name has to be one for files and classes."""
+    """An unknown kind, and a name that fits no file and class, are wrong usage."""
     assert new(tmp_path, *words).returncode == ExitCode.USAGE
     assert [*tmp_path.iterdir()] == []

@@ -1,4 +1,4 @@
-"""``testrunner page``: a run from its folder, over or not, for looking at only."""
+"""``testrunner page``: it shows a run from its folder, finished or not, without control."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FINE = "from rtf.testing import TestCase\nclass Fine(TestCase):\n    def run(sel
 
 
 class Viewer:
-    """The command, and the page it serves."""
+    """The command, and its page."""
 
     def __init__(self, folder: Path, *arguments: str) -> None:
         self.process = subprocess.Popen(
@@ -32,7 +32,7 @@ class Viewer:
         self.page = Page.said(self.process.stderr.readline())
 
     def end(self, signum: int = signal.SIGINT) -> tuple[int, str]:
-        """End it; its exit code, and what else it said."""
+        """Send a signal; return the exit code, and the rest of the error output."""
         self.process.send_signal(signum)
         said = self.process.communicate(timeout=20)[1]
         return self.process.returncode, said
@@ -46,7 +46,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_a_run_that_is_over_is_shown(folder: Path):
-    """All of it, and that there is no more; nothing can be controlled."""
+    """A finished run is shown to its end, and cannot be controlled."""
     run_command(folder, "-t", "fine.py", "--run-folder", "run", "--no-output")
     viewer = Viewer(folder, "run", "--compare", "run/journal.jsonl")
     with viewer.page.follow() as stream:
@@ -60,7 +60,7 @@ def test_a_run_that_is_over_is_shown(folder: Path):
 
 
 def test_a_run_that_goes_on_is_followed(folder: Path):
-    """Until its runner is done; the run does not notice."""
+    """A running run is followed to its end, without an effect on it."""
     run = LiveRun(folder, "-t", "waiting.py", "--no-output")
     with run.page.follow() as stream:
         stream.until(event="asked")
@@ -76,7 +76,7 @@ def test_a_run_that_goes_on_is_followed(folder: Path):
 
 @pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM])
 def test_it_ends_at_once_also_before_an_audience(folder: Path, signum: signal.Signals):
-    """Those who still look are sent away, silently."""
+    """A signal ends the command at once and silently, also with open pages."""
     (folder / "journal.jsonl").write_text('{"event":"run_started","seq":1}\n')
     viewer = Viewer(folder, ".")
     with viewer.page.follow() as one, viewer.page.follow() as other:
@@ -87,7 +87,7 @@ def test_it_ends_at_once_also_before_an_audience(folder: Path, signum: signal.Si
 
 
 def test_a_torn_line_is_not_shown(folder: Path):
-    """What a runner that was killed wrote last has no end, and never will have."""
+    """The last line of a journal is not shown if it is incomplete."""
     (folder / "journal.jsonl").write_text('{"event":"run_started","seq":1}\n{"event":"mess')
     viewer = Viewer(folder, ".")
     with viewer.page.follow() as stream:
@@ -96,7 +96,7 @@ def test_a_torn_line_is_not_shown(folder: Path):
 
 
 def test_what_is_no_run_is_told(folder: Path):
-    """With the path that was looked for."""
+    """The error about a folder without a run names the path."""
     outcome = run_command(folder, "page", "nothing-here", "--web-port", "0")
     assert outcome.exit_code == ExitCode.USAGE
     assert "there is no run in nothing-here" in outcome.stderr

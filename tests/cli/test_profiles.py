@@ -1,4 +1,4 @@
-"""The head of a run says which robots are tested, and whether the thresholds of their profiles are validated."""
+"""The facts of a run on its robots' profiles, and the warning about thresholds that are not validated."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ def folder(tmp_path: Path) -> Path:
 
 
 def profiles(folder: Path, inside: str):
-    """What is said of a suite."""
+    """Return the facts and warnings about a suite."""
     file = folder / "s.xml"
     file.write_text(f'<suite name="s">{inside}<test> fine </test></suite>', encoding="utf-8")
     return profiles_of(load_files([(file, True)], {}).suites)
 
 
 def test_a_suite_that_names_no_robot_says_nothing(folder: Path):
-    """Nor does one for a robot by the name of its ports alone."""
+    """A suite without a robot model has no profile, also if it names the robot's ports."""
     assert profiles(folder, "<environment>--robotname icubSim</environment>") == ({}, [])
 
 
 def test_a_validated_profile_is_named_without_a_warning(folder: Path):
-    """By the suite, or by the fixture that starts it."""
+    """The profile of a robot model of the suite, or of its simulator, is a fact without a warning."""
     for inside in (
         "<environment>--robotmodel bench</environment>",
         '<fixture param="--model bench"> simulator </fixture>',
@@ -50,7 +50,7 @@ def test_a_validated_profile_is_named_without_a_warning(folder: Path):
 
 
 def test_a_robot_that_cannot_be_read_is_a_warning(folder: Path):
-    """Its tests end with that error."""
+    """A robot model that cannot be read is a warning of the run."""
     facts, (said,) = profiles(folder, "<environment>--robotmodel tin</environment>")
     assert facts == {}
     assert said.severity is Severity.WARNING
@@ -58,7 +58,7 @@ def test_a_robot_that_cannot_be_read_is_a_warning(folder: Path):
 
 
 def test_the_run_says_that_a_profile_is_not_validated(folder: Path):
-    """On the console, in JUnit and in JSON; single tests with another origin are named."""
+    """The warning is on the console; JUnit and JSON have the profile, with other origins of single tests."""
     (folder / "s.xml").write_text(
         f'<suite name="s"><environment>--robotmodel "{folder}/"</environment><test> fine </test></suite>',
         encoding="utf-8",

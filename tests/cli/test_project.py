@@ -1,4 +1,4 @@
-"""The defaults of a project: where they are found, what they mean, and what is said of mistakes in them."""
+"""The defaults of a project: where they are found, their meaning, and errors in them."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("where", [".", "suites"])
 def test_testrunner_alone_runs_the_project(folder: Path, where: str):
-    """From each folder of it; what the file names, and the folders of runs, are beside the file."""
+    """Without arguments the project's suites run with its defaults, from any of its folders."""
     done = run_command(folder / where, "-v")
     assert done.exit_code == ExitCode.PASSED, done.stderr
     events, results = read_back(folder / "rtf-runs" / "latest")
@@ -65,7 +65,7 @@ def test_testrunner_alone_runs_the_project(folder: Path, where: str):
 
 
 def test_the_command_line_wins(folder: Path):
-    """Suites that are named are run in place of the project's; an option that is given counts."""
+    """Suites and options of the command line replace those of the project."""
     done = run_command(folder, "suites/b.xml", "--robot", "mine", "--set", "level=8", "-v")
     assert [*done.results.tests] == ["b/fine"]
     assert done.of(RunStarted)[0].robot == "mine"
@@ -74,7 +74,7 @@ def test_the_command_line_wins(folder: Path):
 
 
 def test_a_run_is_resumed_as_it_was_begun(folder: Path):
-    """What the file said then is in the record of the run."""
+    """A resumed run has the defaults with which it was begun."""
     begun = run_command(folder)
     (folder / "rtf.toml").write_text("robot = 'other'\n")
     resumed = run_command(folder, "--resume", "rtf-runs/latest")
@@ -83,7 +83,7 @@ def test_a_run_is_resumed_as_it_was_begun(folder: Path):
 
 
 def test_other_commands_know_the_project(folder: Path):
-    """Its suites are what is validated, its history is what is shown."""
+    """``validate`` and ``history`` use the project's suites and history."""
     assert "2 suites, 2 tests: 0 errors" in run_command(folder / "suites", "validate").stdout
     run_command(folder)
     assert "1 run" in run_command(folder, "history").stdout
@@ -92,7 +92,7 @@ def test_other_commands_know_the_project(folder: Path):
 
 
 def test_pyproject_is_read_too(folder: Path):
-    """A table of it, unless there is an rtf.toml."""
+    """The defaults are the table ``tool.rtf`` of pyproject.toml, if there is no rtf.toml."""
     settings = SETTINGS.replace("[", "[tool.rtf.", 4).replace("suites = [tool.rtf.", "suites = [")
     text = f"[project]\nname = 'x'\n[tool.rtf]\n{settings}".replace("[tool.rtf.device]", "[tool.rtf.device]")
     text = text.replace("\n[set]", "\n[tool.rtf.set]").replace("\n[device]", "\n[tool.rtf.device]")
@@ -106,7 +106,7 @@ def test_pyproject_is_read_too(folder: Path):
 
 
 def test_show_config_says_what_came_from_where(folder: Path):
-    """Each setting with its value and its place; what is a pair can come from both."""
+    """``--show-config`` prints each setting with its value and source, without secrets."""
     shown = run_command(folder, "--show-config", "-j", "3", "--set", "speed=2").stdout.splitlines()
     assert shown[0] == f"project: {folder / 'rtf.toml'}"
     assert "suites = suites/a.xml suites/b.xml  (rtf.toml:2)" in shown
@@ -136,7 +136,7 @@ def test_show_config_says_what_came_from_where(folder: Path):
     ],
 )
 def test_a_mistake_is_told_with_its_line(folder: Path, line: str, said: str):
-    """What a file says passes the checks of the options, and a file cannot allow motion."""
+    """An error in the file is reported with its line; a file cannot allow motion."""
     (folder / "rtf.toml").write_text(f"{line}\n")
     done = run_command(folder, "suites/a.xml")
     assert done.exit_code == ExitCode.USAGE
@@ -145,7 +145,7 @@ def test_a_mistake_is_told_with_its_line(folder: Path, line: str, said: str):
 
 
 def test_every_setting_is_an_option():
-    """No key means nothing."""
+    """Each key of the file is an option of the command line."""
     options = {name.removeprefix("--") for action in build_parser()._actions for name in action.option_strings}
     named = {_RENAMED.get(key, key.removeprefix("reports.")) for key in KEYS} - {"suites"}
     assert named <= options

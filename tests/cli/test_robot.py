@@ -24,13 +24,13 @@ OTHERS = {
 
 
 def robot(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    """``rtf robot`` in a folder."""
+    """Run ``rtf robot`` in a folder."""
     command = [sys.executable, "-m", "rtf", "robot", *words]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, check=False)
 
 
 def test_the_shipped_robots_are_listed_and_in_order(tmp_path: Path):
-    """And one that cannot be read is no reason not to list the others."""
+    """All robots are listed, one that cannot be read as such; the shipped ones are in order."""
     (tmp_path / "robots" / "broken").mkdir(parents=True)
     (tmp_path / "robots" / "broken" / "robot.toml").write_text("schema = 3\n", encoding="utf-8")
     listed = robot(tmp_path, "list")
@@ -45,7 +45,7 @@ def test_the_shipped_robots_are_listed_and_in_order(tmp_path: Path):
 
 
 def test_a_picture_is_drawn(tmp_path: Path):
-    """Of the robot in each pose, with its workspace."""
+    """``--picture`` draws the robot in each pose, with its workspace."""
     from PIL import Image
 
     from rtf.simulator.errors import RenderingError
@@ -70,7 +70,7 @@ def test_a_picture_is_drawn(tmp_path: Path):
 
 
 def test_a_weak_or_touching_robot_is_not_in_order(tmp_path: Path):
-    """What would keep it from being tested is named."""
+    """A motor too weak for gravity, and links that touch, are named."""
     text = (find_robot("bench")).read_text(encoding="utf-8")
     text = text.replace("max_torque = 15.0", "max_torque = 0.2").replace("[scene]", "[body]\nnear = 0\n[scene]")
     (tmp_path / "robot.toml").write_text(text, encoding="utf-8")
@@ -84,7 +84,7 @@ def test_a_weak_or_touching_robot_is_not_in_order(tmp_path: Path):
 
 
 def test_poses_outside_of_the_workspace_are_not_in_order(tmp_path: Path):
-    """The point, the plane and the pose are named; home within it is no problem; an unknown link is told."""
+    """A pose beyond the workspace is named with point and plane; an unknown link is an error."""
     bench = find_robot("bench").parent
     (tmp_path / "bench.xml").write_text((bench / "bench.xml").read_text(encoding="utf-8"), encoding="utf-8")
     text = (bench / "robot.toml").read_text(encoding="utf-8")
@@ -103,7 +103,7 @@ def test_poses_outside_of_the_workspace_are_not_in_order(tmp_path: Path):
 
 
 def test_a_draft_of_what_is_shipped_is_in_order(tmp_path: Path):
-    """From the description alone; it does not overwrite anything, and what it assumed stands in it."""
+    """A draft from a description is in order, lists its assumptions, and overwrites nothing."""
     description = find_robot("bench").parent / "bench.xml"
     made = robot(tmp_path, "new", str(description), "--name", "mine")
     assert made.returncode == 0, made.stderr
@@ -124,7 +124,7 @@ def test_a_draft_of_what_is_shipped_is_in_order(tmp_path: Path):
 
 @pytest.mark.parametrize("end", OTHERS)
 def test_other_robots(tmp_path: Path, end: str):
-    """Their drafts are in order: each joint has a part and a drive that carries its links."""
+    """Drafts of other robots are in order: each joint has a part, and a motor that carries its links."""
     try:
         files = distribution("example-robot-data").files or []
     except PackageNotFoundError:
@@ -137,7 +137,7 @@ def test_other_robots(tmp_path: Path, end: str):
 
 
 def test_missing_meshes_are_drawn_as_capsules(tmp_path: Path):
-    """And said to be; a robot of the draft can be built with cameras."""
+    """Missing meshes are replaced by capsules, with a message; the draft can be built with cameras."""
     from rtf.simulator.plant import Options, build
 
     mesh = "<visual><geometry><mesh filename='package://nowhere/{}.stl'/></geometry></visual>"
@@ -163,7 +163,7 @@ def test_missing_meshes_are_drawn_as_capsules(tmp_path: Path):
 
 @pytest.mark.torture
 def test_the_suites_for_any_robot_on_the_bench(tmp_path: Path):
-    """A share of them; docs/your-own-robot.md has the signs, with a reversed encoder, too."""
+    """A share of the suites for any robot passes on the bench, and reports what is not tested."""
     healthy = robot(tmp_path, "test", "bench", "-k", "modes or rates")
     assert healthy.returncode == 0, healthy.stdout
     assert "2 joints in 1 parts, thresholds chosen" in healthy.stdout

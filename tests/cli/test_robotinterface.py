@@ -1,4 +1,4 @@
-"""``rtf robotinterface`` as a program of its own: what it prints, signals in each phase, exit codes."""
+"""``rtf robotinterface`` as a process: its output, signals in each phase, and exit codes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _LIMIT = 60.0
 
 
 class Program:
-    """One run of it; what it says goes to a file, what its devices are asked to another one."""
+    """A run of the program; its messages and the calls of its devices go to files."""
 
     def __init__(self, lab: Lab, words: tuple[str, ...], environment: dict[str, str]) -> None:
         self._lab = lab
@@ -49,16 +49,16 @@ class Program:
 
     @property
     def stderr(self) -> str:
-        """What it said so far."""
+        """The messages up to now."""
         return self._err.read_text(encoding="utf-8")
 
     @property
     def calls(self) -> list[str]:
-        """What its devices were asked so far."""
+        """The calls of the devices up to now."""
         return self._lab.log.read_text(encoding="utf-8").splitlines() if self._lab.log.exists() else []
 
     def until(self, text: str) -> None:
-        """Wait until it has said something, or one of its devices was asked something."""
+        """Wait for a message, or a call of a device."""
 
         def there() -> bool:
             return text in self.stderr or text in self.calls
@@ -67,7 +67,7 @@ class Program:
         assert there(), self.stderr
 
     def send(self, *signals: signal.Signals) -> None:
-        """Send signals, each when the one before has been heard."""
+        """Send signals, each after the program has noticed the one before."""
         for number, one in enumerate(signals, 1):
             before = self.stderr.count(": stop requested")
             self.process.send_signal(one)
@@ -77,14 +77,14 @@ class Program:
             )
 
     def end(self) -> int:
-        """Wait for its end."""
+        """Wait for the end, and return the exit code."""
         code = self.process.wait(_LIMIT)
         assert "Traceback" not in self.stderr, self.stderr
         return code
 
 
 class Lab:
-    """A folder with a robot, a name server, and the programs that ran."""
+    """A folder with a robot, a name server, and the started programs."""
 
     def __init__(self, folder: Path, server: NameServer) -> None:
         self.folder = folder
@@ -95,30 +95,30 @@ class Lab:
         self.programs: list[Program] = []
 
     def write(self, inside: str, attributes: str = 'build="1" portprefix="/bot"') -> None:
-        """Write the robot's file; its devices note what they are asked."""
+        """Write the robot's file, with devices that log their calls."""
         text = re.sub(r"(<device [^>]*>)", rf'\1<param name="log">{self.log}</param>', inside)
         (self.folder / "robot.xml").write_text(robot_xml(text, attributes), encoding="utf-8")
 
     def start(self, *words: str) -> Program:
-        """Start it."""
+        """Start the program."""
         self.programs.append(Program(self, words or ("--config", "robot.xml"), self._environment))
         return self.programs[-1]
 
     def run(self, *words: str) -> Program:
-        """Run it to its end."""
+        """Run the program to its end."""
         program = self.start(*words)
         program.end()
         return program
 
     def ask(self, question: str) -> str:
-        """Ask its port."""
+        """Send a request to the program's port."""
         with RpcClient("/asks", "/bot/yarprobotinterface", network=Network(configuration.find_names())) as client:
             return client.call(Bottle.parse(question), timeout=10).to_text()
 
 
 @pytest.fixture
 def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Lab]:
-    """A name server of the test's own; afterwards no program runs, and every name was given back."""
+    """A lab; the test must end its programs, and leave no registered name."""
     monkeypatch.setenv("YARP_CONFIG_HOME", str(tmp_path / "user"))
     monkeypatch.setenv("YARP_DATA_HOME", str(tmp_path / "user"))
     for name in ("YARP_NAMESPACE", "YARP_PORT_PREFIX", "YARP_ROBOT_NAME"):
@@ -139,22 +139,22 @@ STUB = device("stub", inside=action("attach", level=5, device="board") + action(
 
 
 def calibrator(inside: str = "", **parameters: str) -> str:
-    """A calibrator with a calibration, a parking, and more."""
+    """A calibrator with a calibration, a parking, and these actions."""
     actions = action("calibrate", level=10, target="board") + action("park", "shutdown", 2, target="board")
     return device("cal", "scriptedCalibrator", actions + inside, **parameters)
 
 
 def custom(*places: tuple[str, int]) -> str:
-    """Actions that say when they were done."""
+    """Custom actions at these places, which log their phase and level."""
     return "".join(action("custom", phase, level, name=f"{phase}{level}") for phase, level in places)
 
 
 class TestRunning:
-    """From the start to the end."""
+    """Runs from start to end."""
 
     @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, "quit"])
     def test_from_start_to_end(self, lab: Lab, how: signal.Signals | str):
-        """It says what it does with how long that took, is asked, and ends with 0; every name is given back."""
+        """The program logs each step with its duration, answers requests, ends with 0, and unregisters its names."""
         lab.write(BOARD + STUB + calibrator())
         program = lab.start()
         program.until("bot is ready")
@@ -175,14 +175,14 @@ class TestRunning:
         assert configuration.find_names().query("/bot/yarprobotinterface") is None
 
     def test_autoclose(self, lab: Lab):
-        """It ends as soon as it is ready."""
+        """With the option the program ends as soon as it is ready."""
         lab.write(BOARD)
         program = lab.run("--config", "robot.xml", "--autocloseAfterStart")
         assert program.process.returncode == 0
         assert program.calls == ["board open", "board close"]
 
     def test_values_from_the_command_line(self, lab: Lab):
-        """Any key is a value for extern-name; one that nobody asks for is told, and so is the other prefix."""
+        """An option sets a parameter with its extern-name; unused options are warnings; the prefix is used."""
         inside = '<action phase="startup" level="1" type="custom"><param name="n" extern-name="my">0</param></action>'
         lab.write(device("one", inside=inside, at="${portprefix}"))
         words = (
@@ -204,7 +204,7 @@ class TestRunning:
         assert "port /other/yarprobotinterface answers requests" in program.stderr
 
     def test_a_device_that_cannot_be_opened(self, lab: Lab):
-        """The exit code is 1, the reason has the place, and the last line is the verdict."""
+        """The exit code is 1, the error has device and place, and the last line is the result."""
         lab.write(BOARD + device("odd", "unheardOf"))
         program = lab.run()
         assert program.process.returncode == 1
@@ -217,7 +217,7 @@ class TestRunning:
         assert program.calls == ["board open", "board close"]
 
     def test_a_second_one_is_refused(self, lab: Lab):
-        """Two programs that move one robot do not know of each other."""
+        """A second program for the same robot is refused."""
         lab.write(BOARD)
         first = lab.start()
         first.until("bot is ready")
@@ -231,7 +231,7 @@ class TestRunning:
         assert lab.log.read_text().splitlines() == ["board open", "board close"]
 
     def test_no_name_server(self, lab: Lab):
-        """Nothing is opened, and it is said where it should be."""
+        """Without a name server no device is opened, and the message has a hint."""
         lab.write(BOARD)
         lab.server.close()
         program = lab.run()
@@ -241,11 +241,11 @@ class TestRunning:
 
 
 class TestSignals:
-    """Signals in each phase, in the real program."""
+    """Signals in each phase."""
 
     @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
     def test_during_a_calibration(self, lab: Lab, number: signal.Signals):
-        """It is aborted at once; the interrupt's actions, the parking and the rest are still done."""
+        """A signal aborts the calibration; then actions of the interrupt, parking and closing run."""
         lab.write(BOARD + STUB + calibrator(custom(("startup", 11), ("interrupt1", 1)), calibrate="wait"))
         program = lab.start()
         program.until("cal calibrate board")
@@ -259,7 +259,7 @@ class TestSignals:
         assert "calibrate of cal (startup, level 10) [scriptedCalibrator] failed: aborted" in program.stderr
 
     def test_while_a_device_hangs_in_open(self, lab: Lab):
-        """The first signal waits for it, the second does not: the program ends, and the others are closed."""
+        """The first signal waits for the opening, the second one abandons it, and the others are closed."""
         lab.write(BOARD + device("slow", open="hang") + STUB)
         program = lab.start()
         program.until("slow open")
@@ -271,7 +271,7 @@ class TestSignals:
 
     @pytest.mark.parametrize("where", ["attach", "detach"])
     def test_while_a_device_hangs_in_an_action(self, lab: Lab, where: str):
-        """Two signals are enough to get on."""
+        """A second signal abandons an action that hangs."""
         actions = action("attach", level=1, device="board") + action("detach", "shutdown", 1)
         lab.write(BOARD + device("slow", inside=actions, **{where: "hang"}) + STUB)
         program = lab.start()
@@ -286,7 +286,7 @@ class TestSignals:
         assert "was not waited for" in program.stderr
 
     def test_while_a_device_hangs_in_close(self, lab: Lab):
-        """Likewise."""
+        """A second signal abandons a device that hangs while it closes."""
         lab.write(BOARD + device("slow", close="hang"))
         program = lab.start()
         program.until("bot is ready")
@@ -297,7 +297,7 @@ class TestSignals:
         assert program.calls[-1] == "board close"
 
     def test_hanging_is_bounded_without_signals(self, lab: Lab):
-        """The patience is a matter of the command line."""
+        """``--patience`` limits the wait for a device that hangs."""
         lab.write(BOARD + device("slow", open="hang"))
         program = lab.run("--config", "robot.xml", "--patience", "200ms")
         assert program.process.returncode == 1
@@ -305,7 +305,7 @@ class TestSignals:
         assert "board close" in program.calls
 
     def test_during_the_shutdown(self, lab: Lab):
-        """A parking is stopped, the second interrupt's actions are done, and what is left of the shutdown."""
+        """A second signal aborts the parking, runs its actions, and then the rest of the shutdown."""
         lab.write(BOARD + STUB + calibrator(custom(("interrupt2", 1), ("interrupt1", 1)), park="wait"))
         program = lab.start()
         program.until("bot is ready")
@@ -320,7 +320,7 @@ class TestSignals:
         ]
 
     def test_three_of_them(self, lab: Lab):
-        """Each interrupt has its actions done at once, and a calibrator that does not listen keeps nobody."""
+        """Each signal runs its actions at once, also if a calibrator ignores the abort."""
         inside = custom(("interrupt2", 1), ("interrupt3", 1)) + action("park", "interrupt1", 1, target="board")
         last = action("calibrate", "interrupt2", 2, target="board")
         lab.write(BOARD + STUB + calibrator(inside + last, park="deaf"))
@@ -343,7 +343,7 @@ class TestSignals:
         assert "park of cal (interrupt1, level 1) has not returned" in program.stderr
 
     def test_a_device_that_takes_the_process_with_it(self, lab: Lab):
-        """Nothing can be done about it in this process; whoever watches it notices."""
+        """A device that kills the process ends it without closing the others."""
         lab.write(BOARD + device("bomb", open="crash"))
         program = lab.start()
         assert program.process.wait(_LIMIT) == -signal.SIGKILL
@@ -351,10 +351,10 @@ class TestSignals:
 
 
 class TestUsage:
-    """Command lines and files that are wrong, and what is only drawn."""
+    """Wrong command lines and files, dry runs, and help."""
 
     def test_dry_run(self, lab: Lab):
-        """The plan is printed and drawn, and nothing is opened; no name server is needed."""
+        """A dry run prints and draws the plan, opens no device, and needs no name server."""
         lab.server.close()
         lab.write(BOARD + STUB + device("a&lt;&amp;&quot;b", "no-such-type"))
         program = lab.run("--config", "robot.xml", "--dryrun", "--svg", "plan.svg")
@@ -365,7 +365,7 @@ class TestUsage:
         assert 'a<&"b (no-such-type)' in texts
 
     def test_dry_run_in_any_locale(self, lab: Lab):
-        """What marks things that go on together is no ASCII, and is printed. A reader that is gone is no traceback."""
+        """The plan is printed in UTF-8 in any locale; a closed output causes no traceback."""
         lab.write(BOARD + calibrator())
         lab._environment |= {"PYTHONIOENCODING": "ascii", "LC_ALL": "C"}
         program = lab.run("--config", "robot.xml", "--dry-run")
@@ -381,7 +381,7 @@ class TestUsage:
         assert (done.returncode, done.stderr) == (3, b"")
 
     def test_everything_that_is_wrong_is_told(self, lab: Lab):
-        """With exit code 4, before anything is opened."""
+        """All problems of the file are reported, with exit code 4, and no device is opened."""
         lab.write(BOARD + device("stub", inside=action("attach", device="bord")) + "<odd/>")
         program = lab.run()
         assert program.process.returncode == 4
@@ -406,14 +406,14 @@ class TestUsage:
         ],
     )
     def test_wrong_usage(self, lab: Lab, words: tuple[str, ...], complaint: str):
-        """The exit code is 4, and it is said what to write."""
+        """A wrong command line ends with 4, and a message."""
         lab.write(BOARD)
         program = Program(lab, words, lab._environment)
         assert program.end() == 4
         assert complaint in program.stderr
 
     def test_help_teaches(self, lab: Lab):
-        """It says what happens when, shows examples and the exit codes."""
+        """The help has phases, options, examples and exit codes."""
         program = lab.run("--help")
         assert program.process.returncode == 0
         text = (lab.folder / "stdout.txt").read_text()
@@ -421,7 +421,7 @@ class TestUsage:
             assert word in text
 
     def test_a_configuration_is_found_where_yarp_looks(self, lab: Lab):
-        """In the folder of the robot that the environment names, by a default file that names it."""
+        """The configuration is found by the default file in the folder of YARP_ROBOT_NAME."""
         home = lab.folder / "user" / "robots" / "mine"
         home.mkdir(parents=True)
         lab.write(BOARD)

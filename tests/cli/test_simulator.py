@@ -1,4 +1,4 @@
-"""``rtf simulator`` on the command line: what can be broken, and talking to one that runs."""
+"""``rtf simulator`` on the command line: settings, the list of faults, and commands to a running simulator."""
 
 from __future__ import annotations
 
@@ -28,27 +28,27 @@ Captured = pytest.CaptureFixture[str]
 
 
 def simulator(words: list[str]) -> int:
-    """``rtf simulator`` with these words."""
+    """Run ``rtf simulator`` with these words."""
     return main(["simulator", *words])
 
 
 class TestStarting:
-    """What the command line makes of words."""
+    """The settings of the command line."""
 
     @pytest.fixture(autouse=True)
     def started(self, monkeypatch: pytest.MonkeyPatch) -> list[program.Settings]:
-        """The settings with which one would be started."""
+        """The settings with which the simulator would be started."""
         found: list[program.Settings] = []
         monkeypatch.setattr(program, "run_simulator", lambda settings: found.append(settings) or 0)
         return found
 
     def test_nothing_said_is_a_whole_robot_in_real_time(self, started: list[program.Settings]):
-        """The defaults of the program."""
+        """Without options the settings are the defaults."""
         assert simulator([]) == 0
         assert started == [program.Settings(ICUB)]
 
     def test_everything_said(self, started: list[program.Settings], tmp_path: Path):
-        """Each option comes to where it belongs."""
+        """Each option sets its field of the settings."""
         words = "--robot /bot --parts head,left_arm --cameras auto --seed 5 --lockstep --clock /time --collision none"
         words += f" --dialect 4 --nameserver --ready-file {tmp_path / 'ready'}"
         assert simulator(words.split()) == 0
@@ -68,12 +68,12 @@ class TestStarting:
         )
 
     def test_cameras_alone_means_yes(self, started: list[program.Settings]):
-        """And a factor may be without bound."""
+        """``--cameras`` without a value means yes, and the factor may be infinite."""
         assert simulator(["--cameras", "--realtime-factor", "inf"]) == 0
         assert (started[0].cameras, started[0].factor) == ("yes", float("inf"))
 
     def test_rates_are_those_of_the_robot_unless_others_are_given(self, started: list[program.Settings]):
-        """Of states and of pictures, each by itself."""
+        """The rates of states and of cameras are set independently."""
         assert simulator(["--state-rate", "50"]) == simulator(["--camera-rate", "60"]) == 0
         assert [(one.state_rate, one.camera_rate) for one in started] == [(50.0, None), (None, 60.0)]
 
@@ -97,7 +97,7 @@ class TestStarting:
         ],
     )
     def test_what_is_wrong_is_told(self, words: str, hint: str, started: list[program.Settings], capsys: Captured):
-        """With the hint, and exit code 4; nothing is started."""
+        """A wrong option ends with 4 and a hint, and no simulator is started."""
         with pytest.raises(SystemExit) as ended:
             simulator(words.split())
         assert ended.value.code == 4
@@ -106,41 +106,41 @@ class TestStarting:
 
 
 class TestFaults:
-    """The list of what can be broken."""
+    """The list of faults."""
 
     def test_all_of_them(self, capsys: Captured):
-        """By layer, with parameters."""
+        """All kinds of faults are listed by layer, with their parameters."""
         assert simulator(["faults"]) == 0
         text = capsys.readouterr().out
         assert all(f"  {kind}  (" in text for kind in KINDS)
         assert text.index("PLANT") < text.index("ENCODER") < text.index("PROCESS")
 
     def test_one_of_them(self, capsys: Captured):
-        """With all there is to say of it."""
+        """One kind is described with units, meaning and range of its parameters."""
         assert simulator(["faults", "jam"]) == 0
         text = capsys.readouterr().out
         assert "torque=400 Nm: the torque that would move it; 0 … 100000" in text
         assert "friction  (" not in text
 
     def test_for_programs(self, capsys: Captured):
-        """The same as JSON."""
+        """``--json`` lists all kinds."""
         assert simulator(["faults", "--json"]) == 0
         found = json.loads(capsys.readouterr().out)
         assert [one["kind"] for one in found] == [*KINDS]
 
     def test_a_kind_that_is_not_there(self, capsys: Captured):
-        """With those that are."""
+        """The error about an unknown kind lists the known ones."""
         assert simulator(["faults", "quake"]) == 1
         assert "there are jam, friction" in capsys.readouterr().err
 
 
 @pytest.mark.skipif(not (find_spec("mujoco") and find_spec("icub_models")), reason="needs pip install 'rtf[sim]'")
 class TestTalking:
-    """Commands to a simulator that runs."""
+    """Commands to a running simulator."""
 
     @pytest.fixture
     def service(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[SimulatorService]:
-        """A robot of one part in lockstep, as the configuration finds it."""
+        """A simulated robot of one part in lockstep, found by the configuration."""
         from rtf.simulator.control_service import SimulatorService
         from rtf.simulator.robot import SimulatedRobot
 
@@ -156,7 +156,7 @@ class TestTalking:
                 made.close()
 
     def test_break_look_and_repair(self, service: SimulatorService, capsys: Captured):
-        """A fault is put in, seen, and taken out."""
+        """A fault is injected, shown by ``status``, and cleared."""
         words = "inject encoder_drift l_elbow rate=0.5 --delay 2 --duration 500ms --robot bot"
         assert simulator(words.split()) == 0
         assert capsys.readouterr().out == "1\n"
@@ -176,7 +176,7 @@ class TestTalking:
         assert service.injector.active == ()
 
     def test_what_it_refuses_is_told(self, service: SimulatorService, capsys: Captured):
-        """Its sentence on stderr, and exit code 1."""
+        """A refusal of the simulator is printed, with exit code 1."""
         assert simulator(["inject", "jam", "l_elbow", "force=1", "--robot", "bot"]) == 1
         assert "jam has no parameter force; its parameters: torque" in capsys.readouterr().err
         assert service.injector.active == ()
@@ -192,14 +192,14 @@ class TestTalking:
         ],
     )
     def test_what_is_wrong_is_told(self, words: str, hint: str, capsys: Captured):
-        """Before anybody is asked."""
+        """A wrong command ends with 4 and a hint, before the simulator is asked."""
         with pytest.raises(SystemExit) as ended:
             simulator(words.split())
         assert ended.value.code == 4
         assert hint in capsys.readouterr().err
 
     def test_nobody_there(self, service: SimulatorService, capsys: Captured):
-        """It is told who was asked."""
+        """The error about a missing simulator names its port."""
         assert service.robot.name == "bot"
         assert simulator(["status", "--robot", "nobody"]) == 1
         assert "/nobody/simulator/rpc:i" in capsys.readouterr().err

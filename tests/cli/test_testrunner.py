@@ -1,4 +1,4 @@
-"""The command line as its users meet it: every call is a real process."""
+"""The command ``testrunner``, each call in a process."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_every_flag_of_the_cpp_framework_is_known():
-    """Scripts that call the C++ framework's runner keep working."""
+    """Every option of the C++ framework's runner is known, so that scripts keep working."""
     known = {name for action in build_parser()._actions for name in action.option_strings}
     cpp_framework = (
         "-t --test --tests -s --suite --suites -r --recursive -p --param -e --environment --repetition -o --output "
@@ -73,7 +73,7 @@ def test_help_teaches_and_is_no_error(folder: Path):
 
 
 def test_without_a_selection_help_is_shown_and_it_is_an_error(folder: Path):
-    """Nothing to do is a mistake."""
+    """Without a selection the command prints its help, and ends with 4."""
     done = run_command(folder)
     assert done.exit_code == ExitCode.USAGE
     assert "usage: testrunner" in done.stdout
@@ -81,7 +81,7 @@ def test_without_a_selection_help_is_shown_and_it_is_an_error(folder: Path):
 
 
 def test_a_list_of_nothing_says_what_lists_all(folder: Path):
-    """Who asks which tests there are is told who knows."""
+    """``--list`` without a selection is wrong usage, with a hint to ``describe``."""
     done = run_command(folder, "--list")
     assert done.exit_code == ExitCode.USAGE
     assert "'testrunner describe' says which tests there are" in done.stderr
@@ -114,7 +114,7 @@ def test_a_list_of_nothing_says_what_lists_all(folder: Path):
     ],
 )
 def test_wrong_usage_is_told_before_anything_runs(folder: Path, arguments: list[str], said: str):
-    """Exit code 4, a sentence that names the thing, and no run."""
+    """Wrong usage ends with 4 and a message, and no run begins."""
     (folder / "empty").mkdir()
     done = run_command(folder, *arguments)
     assert done.exit_code == ExitCode.USAGE
@@ -123,7 +123,7 @@ def test_wrong_usage_is_told_before_anything_runs(folder: Path, arguments: list[
 
 
 def test_passing_and_failing_runs(folder: Path):
-    """0 and 1, and the verdict is the last line."""
+    """The exit codes are 0 and 1, and the last line has the verdict."""
     good = run_command(folder, "-s", "fine.xml")
     assert good.exit_code == ExitCode.PASSED
     assert good.stdout.rstrip().splitlines()[-1].startswith("PASSED  1 passed")
@@ -134,7 +134,7 @@ def test_passing_and_failing_runs(folder: Path):
 
 
 def test_the_dialect_reaches_the_tests(folder: Path):
-    """``--dialect`` is that of every port of the tests, whose processes find it in their environment."""
+    """``--dialect`` is the dialect of the tests' ports, and an unknown one is wrong usage."""
     write_files(
         folder,
         {
@@ -153,7 +153,7 @@ class Asks(TestCase):
 
 
 def test_a_plugin_that_is_missing_is_a_failed_entry(folder: Path):
-    """The C++ framework left it out and passed."""
+    """A missing plug-in is an error in the results, unlike in the C++ framework, which omits it."""
     (folder / "x.xml").write_text('<suite name="x"><test>Nonesuch</test><test>fine.py</test></suite>')
     done = run_command(folder, "-s", "x.xml", "--junit", "out.xml")
     assert done.exit_code == ExitCode.FAILURES
@@ -163,14 +163,14 @@ def test_a_plugin_that_is_missing_is_a_failed_entry(folder: Path):
 
 
 def test_an_empty_run_is_not_a_success(folder: Path):
-    """No test, no pass; unless it is asked for."""
+    """A run without tests has its own exit code, unless ``--allow-empty`` is given."""
     (folder / "empty.xml").write_text('<suite name="empty"/>')
     assert run_command(folder, "-s", "empty.xml").exit_code == ExitCode.NOTHING_RAN
     assert run_command(folder, "-s", "empty.xml", "--allow-empty").exit_code == ExitCode.PASSED
 
 
 def test_a_suite_that_cannot_be_read_whole_is_not_run(folder: Path):
-    """All problems with line and column, exit code 4, and nothing runs."""
+    """All problems of a suite are reported with line and column, and no test runs."""
     (folder / "wrong.xml").write_text('<suite name="w">\n <test retries="-3">fine.py</test>\n <test/>\n</suite>')
     done = run_command(folder, "-s", "wrong.xml")
     assert done.exit_code == ExitCode.USAGE
@@ -180,7 +180,7 @@ def test_a_suite_that_cannot_be_read_whole_is_not_run(folder: Path):
 
 
 def test_one_test_with_parameters(folder: Path):
-    """``--test`` with ``--param``, ``--set`` and ``--repetition`` as the C++ framework has them."""
+    """``--test`` runs a test with ``--param``, ``--set`` and ``--repetition`` as in the C++ framework."""
     done = run_command(folder, "-t", "fine.py", "-p", "--level 3", "--repetition", "2", "-v")
     assert done.exit_code == ExitCode.PASSED
     assert done.stdout.count("level 3") >= 3
@@ -188,7 +188,7 @@ def test_one_test_with_parameters(folder: Path):
 
 
 def test_folders_of_tests_and_suites_are_sorted(folder: Path):
-    """The order is that of the names, and sub-folders are entered on request."""
+    """Files of a folder are sorted by name, and sub-folders are searched with ``-r``."""
     (folder / "sub").mkdir()
     (folder / "sub" / "a.xml").write_text('<suite name="deep"><test>../fine.py</test></suite>')
     (folder / "notes.xml").write_text("<notes/>")
@@ -204,7 +204,7 @@ def test_folders_of_tests_and_suites_are_sorted(folder: Path):
 
 
 def test_selection(folder: Path):
-    """By name, by tag of the suite, by tag of the author, and by what failed the last time."""
+    """Tests are selected by name, by tags of suite and author, and by failures of the last run."""
     names = ["-s", "both.xml", "--list"]
     assert "bad" not in run_command(folder, *names, "-k", "fine").stdout
     assert "bad" not in run_command(folder, *names, "--tags", "one").stdout
@@ -222,19 +222,19 @@ def test_selection(folder: Path):
     ],
 )
 def test_what_selected_nothing_is_named(folder: Path, words: tuple[str, ...], said: str):
-    """So that it can be corrected."""
+    """If no test is selected, the message names the options that select none."""
     assert run_command(folder, "-s", "fine.xml", *words, "--list").stderr == f"testrunner: {said}"
 
 
 def test_a_last_run_without_failures_is_named(folder: Path):
-    """It need not be the run that somebody thinks of."""
+    """If nothing failed in the last run, the message names its folder."""
     last = run_command(folder, "-s", "fine.xml").folder.resolve()
     done = run_command(folder, "-s", "both.xml", "--last-failed")
     assert f"none of 2 tests is selected by --last-failed (what did not pass in {last})" in done.stderr
 
 
 def test_a_list_tells_what_is_not_found(folder: Path):
-    """In a sentence each, tests and fixtures; and nobody takes it for a plan that can be run."""
+    """``--list`` reports each missing test and fixture, and ends with 4."""
     (folder / "lost.xml").write_text('<suite name="lost"><fixture>proces</fixture><test>Fin</test></suite>')
     done = run_command(folder, "-s", "lost.xml", "--list")
     assert done.exit_code == ExitCode.USAGE
@@ -247,7 +247,7 @@ def test_a_list_tells_what_is_not_found(folder: Path):
 
 @pytest.mark.parametrize("option", ["--list", "--dry-run"])
 def test_what_is_wrong_with_the_command_line_says_so(folder: Path, option: str):
-    """No file is named where there is none."""
+    """A missing test of the command line is reported as such, without a file's name."""
     done = run_command(folder, "--test", "Fin", option)
     assert done.exit_code == ExitCode.USAGE
     assert done.stderr.startswith("command line: error: no test plug-in 'Fin'; did you mean Fine")
@@ -255,7 +255,7 @@ def test_what_is_wrong_with_the_command_line_says_so(folder: Path, option: str):
 
 
 def test_shuffling_is_reproducible(folder: Path):
-    """One seed, one order."""
+    """The same seed gives the same order."""
     many = "".join(f'<test name="t{index}">fine.py</test>' for index in range(9))
     (folder / "many.xml").write_text(f'<suite name="many">{many}</suite>')
     first = run_command(folder, "-s", "many.xml", "--list", "--shuffle", "7").stdout
@@ -264,7 +264,7 @@ def test_shuffling_is_reproducible(folder: Path):
 
 
 def test_a_dry_run_finds_what_is_wrong_and_runs_nothing(folder: Path):
-    """Plug-ins are loaded and parameters checked, in processes of their own."""
+    """A dry run loads plug-ins and checks parameters, and runs no test."""
     (folder / "dry.xml").write_text(
         '<suite name="dry"><test param="--level 99">fine.py</test><test>boom.py</test><test>fine.py</test></suite>',
     )
@@ -278,7 +278,7 @@ def test_a_dry_run_finds_what_is_wrong_and_runs_nothing(folder: Path):
 
 
 def test_the_result_file_is_where_it_was_asked_for(folder: Path):
-    """``-o`` and ``--output-type`` as in the C++ framework; without them the file lies in the run's folder."""
+    """The result is written as ``-o`` and ``--output-type`` say, by default into the run folder."""
     done = run_command(folder, "-s", "fine.xml")
     assert "Number of passed test cases  : 1" in (done.folder / "result.txt").read_text()
     run_command(folder, "-s", "fine.xml", "-o", "mine.txt")
@@ -291,7 +291,7 @@ def test_the_result_file_is_where_it_was_asked_for(folder: Path):
 
 
 def test_classic_style_writes_the_cpp_lines(folder: Path):
-    """Log scrapers keep working."""
+    """``--style classic`` prints the lines of the C++ framework."""
     done = run_command(folder, "-s", "both.xml", "--style", "classic", "-v")
     lines = done.stdout.splitlines()
     assert lines[0] == "Starting test runner."
@@ -301,13 +301,13 @@ def test_classic_style_writes_the_cpp_lines(folder: Path):
 
 
 def test_version(folder: Path):
-    """A number, exit 0."""
+    """``--version`` prints the version."""
     done = run_command(folder, "--version")
     assert re.fullmatch(r"testrunner version \d+\.\d+\.\d+\n", done.stdout)
 
 
 def test_run_of_a_suite_that_was_edited_is_resumed(folder: Path):
-    """What is new or changed runs, what is gone is left out, what is done is not run again; the run says so."""
+    """A resumed run of an edited suite runs new and changed tests, and omits removed and finished ones."""
     suite = folder / "edited.xml"
     suite.write_text(
         '<suite name="e"><test name="a">fine.py</test><test name="first">fine.py</test><test>bad.py</test>'
@@ -335,7 +335,7 @@ def test_run_of_a_suite_that_was_edited_is_resumed(folder: Path):
     ("arguments", "named"), [(["both.xml"], "both.xml"), (["-k", "bad"], "-k"), (["-j", "2"], "--jobs")]
 )
 def test_resumed_run_takes_nothing_that_it_would_not_heed(folder: Path, arguments: list[str], named: str):
-    """A suite, a selection or a number of jobs that is given again would be lost silently."""
+    """A resumed run refuses suites, selections and numbers of jobs."""
     run_command(folder, "-s", "fine.xml")
     done = run_command(folder, "--resume", "rtf-runs/latest", *arguments)
     assert done.exit_code == ExitCode.USAGE
@@ -343,7 +343,7 @@ def test_resumed_run_takes_nothing_that_it_would_not_heed(folder: Path, argument
 
 
 def test_suite_that_was_done_before_has_its_time_in_a_resumed_run(folder: Path):
-    """A suite of which nothing was left to run took the time that its tests took."""
+    """A suite without remaining tests keeps its time in a resumed run."""
     slow = FINE.replace("def run(self):", "def run(self):\n        import time; time.sleep(0.2)")
     (folder / "slow.py").write_text(slow)
     (folder / "one.xml").write_text('<suite name="one"><test>slow.py</test></suite>')
@@ -355,7 +355,7 @@ def test_suite_that_was_done_before_has_its_time_in_a_resumed_run(folder: Path):
 
 
 def test_what_failed_last_can_be_interrupted_and_resumed(folder: Path):
-    """A resumed run consists of the tests it consisted of, whatever had selected them."""
+    """A resumed run has the tests that it was begun with, also those that ``--last-failed`` selected."""
     begun = folder / "begun"
     (folder / "slow.py").write_text(
         FINE.replace(
@@ -382,7 +382,7 @@ def test_what_failed_last_can_be_interrupted_and_resumed(folder: Path):
     "refused", [("--junit", "/proc/no/x.xml"), ("-k", "nonesuch"), ("-w", "--web-host", "192.0.2.1")]
 )
 def test_a_run_that_did_not_start_is_not_the_latest(folder: Path, refused: tuple[str, ...]):
-    """``latest`` moves when something begins: ``--last-failed`` finds the failures of the run before."""
+    """A run that did not start does not change ``latest``."""
     before = run_command(folder, "-s", "both.xml").folder.resolve()
     assert run_command(folder, "-s", "both.xml", *refused).exit_code in (ExitCode.USAGE, ExitCode.NOTHING_RAN)
     assert (folder / "rtf-runs" / "latest").resolve() == before
@@ -391,7 +391,7 @@ def test_a_run_that_did_not_start_is_not_the_latest(folder: Path, refused: tuple
 
 @pytest.fixture
 def steps(folder: Path) -> Path:
-    """A suite of four tests, of which the second and the third fail as long as a file is there."""
+    """A suite of four tests; the second and the third fail while a file exists."""
     for name in ("b", "c"):
         (folder / f"{name}.py").write_text(
             f"from pathlib import Path\nfrom rtf.testing import TestCase\nclass {name.upper()}(TestCase):\n"
@@ -404,7 +404,7 @@ def steps(folder: Path) -> Path:
 
 
 def test_stepwise_goes_on_where_it_stopped(steps: Path):
-    """It stops at the first failure, begins there the next time, and begins with the first again after a good run."""
+    """``--stepwise`` stops at the first failure, continues there, and begins anew after a good run."""
 
     def ran() -> list[str]:
         tests = run_command(steps, "-s", "steps.xml", "--stepwise").results.tests.values()
@@ -421,14 +421,14 @@ def test_stepwise_goes_on_where_it_stopped(steps: Path):
 
 
 def test_maxfail_stops_after_so_many(steps: Path):
-    """As pytest's; ``-x`` is one."""
+    """``--maxfail`` stops after this number of failures; ``-x`` means 1."""
     for words, ran in ((("--maxfail", "2"), 3), (("-x",), 2), ((), 4)):
         done = run_command(steps, "-s", "steps.xml", *words)
         assert sum(test.verdict is not Verdict.NOT_RUN for test in done.results.tests.values()) == ran
 
 
 def test_the_device_is_recorded(folder: Path):
-    """From a file, and from options, which win."""
+    """The device under test is read from a file and from options, which take precedence."""
     (folder / "device.toml").write_text('serial = "old"\nfirmware = 1.5\n')
     words = ("--device-file", "device.toml", "--device", "serial=A7", "--device", "bench=3")
     (started,) = run_command(folder, "-s", "fine.xml", *words).of(RunStarted)
@@ -447,7 +447,7 @@ def test_the_device_is_recorded(folder: Path):
     ],
 )
 def test_a_wrong_record_of_the_device_is_told(folder: Path, words: tuple[str, ...], said: str):
-    """Before anything runs."""
+    """A wrong record of the device is wrong usage."""
     done = run_command(folder, "-s", "fine.xml", *words)
     assert done.exit_code == ExitCode.USAGE
     assert said in done.stderr
@@ -455,7 +455,7 @@ def test_a_wrong_record_of_the_device_is_told(folder: Path, words: tuple[str, ..
 
 
 def test_the_operator_is_asked_for_the_device(folder: Path):
-    """At the terminal, for what no option says; Enter leaves it out."""
+    """``--device-ask`` asks at the terminal for missing properties; Enter omits one."""
     near, far = pty.openpty()
     os.write(near, b"A7\n\n1.5\n\n\n")
     command = [sys.executable, "-m", "rtf.cli.testrunner", "fine.xml", "--device", "batch=9", "--device-ask"]
@@ -483,7 +483,7 @@ def test_the_operator_is_asked_for_the_device(folder: Path):
     ids=" ".join,
 )
 def test_every_word_is_run(folder: Path, words: tuple[str, ...], ids: list[str]):
-    """Suite files, tests, folders of suites and folders of tests: what a shell makes of ``*.xml`` is all run."""
+    """Suite files, tests, and folders of both are run as arguments."""
     write_files(folder, {"tests/other__py": FINE})
     done = run_command(folder, *words)
     assert [*done.results.tests] == ids
@@ -491,7 +491,7 @@ def test_every_word_is_run(folder: Path, words: tuple[str, ...], ids: list[str])
 
 @pytest.mark.parametrize("command", [[], ["validate"]])
 def test_a_variable_that_no_suite_asks_for_is_told(tmp_path: Path, command: list[str]):
-    """A misspelt name would leave the suite as it is, without a word."""
+    """A variable that no suite uses is a warning, with the nearest name."""
     text = '<suite name="s"><test param="--level ${level}">fine.py</test></suite>'
     fine = "from rtf.testing import Parameter, TestCase\nclass Fine(TestCase):\n    level = Parameter(int, 'a level')\n"
     write_files(tmp_path, {"s__xml": text, "fine__py": f"{fine}    def run(self): pass\n"})

@@ -115,7 +115,7 @@ class TestEither:
 
     @pytest.fixture(params=[Scene.plain, Scene.reader], ids=["plain", "buffered"])
     def make(self, request: pytest.FixtureRequest, scene: Scene) -> Callable[[], Port]:
-        """What makes the port that is read."""
+        """A function that makes the port."""
         return partial(request.param, scene)
 
     def test_read_with_a_limit_and_write_and_close(self, scene: Scene, make: Callable[[], Port]):

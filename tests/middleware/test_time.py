@@ -34,7 +34,7 @@ class World:
         self.steps = 0
 
     def advance(self, until: float) -> float:
-        """One step, and its message, for each millisecond."""
+        """Make a step, and write its message, for each millisecond."""
         while (self.steps + 1) * 0.001 <= until + 1e-9:
             self.steps += 1
             self.output.write(Bottle([self.steps]), envelope=f"{self.steps} {self.steps * 0.001!r}")

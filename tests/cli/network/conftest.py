@@ -1,4 +1,4 @@
-"""A name server process for the tests of a file, and tools that talk over it, each a process of its own."""
+"""A name server in a process for the tests of a file, and tools that use it, each in a process of its own."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _AVAILABLE = re.compile(r"is available at ip (\S+) port (\d+)")
 
 
 class Tool:
-    """One tool at work. What it prints goes to files, so that it can be looked at while it runs."""
+    """A running tool. Its output goes to files, so that it can be read while the tool runs."""
 
     def __init__(self, folder: Path, number: int, words: tuple[str, ...], environment: dict[str, str]) -> None:
         self.words = words
@@ -43,16 +43,16 @@ class Tool:
 
     @property
     def stdout(self) -> str:
-        """What it printed so far."""
+        """The standard output up to now."""
         return self._out.read_text(encoding="utf-8")
 
     @property
     def stderr(self) -> str:
-        """What it complained of so far."""
+        """The standard error up to now."""
         return self._err.read_text(encoding="utf-8")
 
     def type(self, *lines: str) -> None:
-        """Type lines."""
+        """Type lines at the tool's input."""
         assert self.process.stdin is not None
         try:
             self.process.stdin.write("".join(f"{line}\n" for line in lines).encode())
@@ -63,25 +63,25 @@ class Tool:
             raise AssertionError(told) from None
 
     def wait(self) -> int:
-        """There is nothing more to be typed; returns the exit code."""
+        """End the input, and return the exit code."""
         assert self.process.stdin is not None
         if not self.process.stdin.closed:
             self.process.stdin.close()
         return self.process.wait(_LIMIT)
 
     def leave(self) -> None:
-        """Let go of it; what it has not read is lost."""
+        """Close the input; lines that were not read are lost."""
         assert self.process.stdin is not None
         with contextlib.suppress(BrokenPipeError):
             self.process.stdin.close()
 
     def end(self, signum: int = signal.SIGINT) -> int:
-        """Send a signal; returns the exit code."""
+        """Send a signal, and return the exit code."""
         self.process.send_signal(signum)
         return self.process.wait(_LIMIT)
 
     def until(self, condition: Callable[[], object], what: str = "") -> None:
-        """Wait until something is so, while the tool runs."""
+        """Wait until a condition holds, while the tool runs."""
         deadline = clock.Deadline.after(_LIMIT)
         while not condition():
             told = f"{self.words}: {what} did not come about\nstdout: {self.stdout}\nstderr: {self.stderr}"
@@ -89,12 +89,12 @@ class Tool:
             clock.sleep(0.005)
 
     def until_printed(self, text: str) -> None:
-        """Wait until it has printed a line."""
+        """Wait until the tool has printed a line."""
         self.until(lambda: text in self.stdout.splitlines(), f"the line {text!r}")
 
 
 class Net:
-    """A name server process, the tools that use it, and what it knows."""
+    """A name server in a process, the tools that use it, and a client of its names."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -125,13 +125,13 @@ class Net:
         return tool
 
     def opened(self, name: str, *words: str) -> Tool:
-        """Start a tool that opens a port, and wait until that is there."""
+        """Start a tool that opens a port, and wait until the port answers."""
         tool = self.start(*words)
         tool.until(lambda: self.answers(name), f"the port {name}")
         return tool
 
     def answers(self, name: str) -> bool:
-        """Whether a port is registered and accepts connections."""
+        """Return whether a port is registered and accepts connections."""
         contact = self.names.query(name)
         try:
             if contact is not None:
@@ -141,7 +141,7 @@ class Net:
         return contact is not None
 
     def close(self) -> None:
-        """End whatever runs still."""
+        """Kill the tools that still run."""
         for tool in reversed(self._tools):
             tool.process.kill()
             tool.process.wait()
@@ -157,7 +157,7 @@ def _net(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Net]:
 
 @pytest.fixture
 def net(_net: Net) -> Iterator[Net]:
-    """The network; afterwards no tool of the test runs any more, and every name was given back."""
+    """The network; the test must end its tools, and leave no registered name."""
     before = len(_net._tools)
     yield _net
     left = [tool.words for tool in _net._tools[before:] if tool.process.poll() is None]

@@ -1,4 +1,4 @@
-"""Tools about names: what the name server knows, where it is, and what is not there any more."""
+"""Tools about names: the registered names, the address of the server, and dead names."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ LEFT_OUT = (
 
 
 def test_the_console_of_yarp(net: Net):
-    """The same commands print the same lines, errors on stderr; the number of the server apart."""
+    """The recorded commands print YARP's lines, but for the port of the server; errors go to stderr."""
     printed = []
     for command in RECORDED_COMMANDS:
         done = net.run(*command.split())
@@ -61,7 +61,7 @@ def test_the_console_of_yarp(net: Net):
 
 
 def test_clean_forgets_only_what_is_gone(net: Net):
-    """A port that nobody listens at is unregistered, one that is there is not."""
+    """``rtf clean`` unregisters a port that does not answer, and no other."""
     reader = net.opened("/reader", "read", "/reader")
     with socket.create_server(("127.0.0.1", 0)) as closed:
         gone = closed.getsockname()[1]
@@ -75,15 +75,15 @@ def test_clean_forgets_only_what_is_gone(net: Net):
 
 
 class TestPlace:
-    """``rtf where``, ``conf``, ``detect`` and ``namespace``, for a user with an empty folder of configuration."""
+    """``rtf where``, ``conf``, ``detect`` and ``namespace``, with an empty folder of configuration."""
 
     @pytest.fixture
     def user(self, tmp_path: Path) -> dict[str, str]:
-        """The environment."""
+        """The environment with the empty folder."""
         return {"YARP_CONFIG_HOME": str(tmp_path / "mine")}
 
     def test_conf(self, net: Net, user: dict[str, str]):
-        """The file is named, written as YARP writes it, used, and removed."""
+        """``rtf conf`` prints the path of the file, writes it in YARP's format, and removes it."""
         file = Path(user["YARP_CONFIG_HOME"], "yarp.conf")
         assert net.run("conf", **user).stdout == f"{file}\n"
         assert net.run("conf", net.contact.host, str(net.contact.port), **user).process.returncode == 0
@@ -94,14 +94,14 @@ class TestPlace:
         assert not file.exists()
 
     def test_a_namespace(self, net: Net, user: dict[str, str]):
-        """It is stored, and names the contact file; a name that is none is refused."""
+        """``rtf namespace`` stores a namespace, which names the contact file; an invalid one is refused."""
         assert net.run("namespace", **user).stdout == "YARP namespace: /root\n"
         assert net.run("namespace", "/lab", **user).stdout == "YARP namespace: /lab\n"
         assert net.run("conf", **user).stdout.endswith("/_lab.conf\n")
         assert net.run("namespace", "lab", **user).process.returncode == 4
 
     def test_detect(self, net: Net, user: dict[str, str]):
-        """A server that answers multicast is found without any configuration, and stored."""
+        """``rtf detect`` finds a server by multicast, without configuration, and stores its address."""
         try:
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
                 probe.bind(("224.2.1.1", DISCOVERY))
@@ -118,7 +118,7 @@ class TestPlace:
         assert server.end() == 0
 
     def test_detect_finds_none(self, net: Net, user: dict[str, str]):
-        """It says so, and what would help."""
+        """If no server answers, ``rtf detect`` fails, with a hint."""
         done = net.run("detect", "--timeout", "0.2", YARP_NAMESPACE="/nobody_is_called_so", **user)
         assert done.process.returncode == 1
         assert "== NOT FOUND" in done.stdout.splitlines()

@@ -1,4 +1,4 @@
-"""Tools that look at a network and change it: exists, wait, ping, connect, disconnect, list, top, terminate."""
+"""Tools that show a network and change it: exists, wait, ping, connect, disconnect, list, top, terminate."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture
 def pair(net: Net) -> Iterator[tuple[Tool, Tool]]:
-    """``/writer`` and ``/reader``, not connected."""
+    """The ports ``/writer`` and ``/reader``, not connected."""
     reader = net.start("read", "/reader")
     writer = net.opened("/writer", "write", "/writer")
     writer.until(lambda: net.answers("/reader"), "the reader")
@@ -32,7 +32,7 @@ class TestConnections:
     """``rtf connect``, ``disconnect``, ``exists`` and ``wait``."""
 
     def test_connect_and_disconnect(self, net: Net, pair: tuple[Tool, Tool]):
-        """The words are YARP's; what is connected is connected, and not any more afterwards."""
+        """Connecting and disconnecting work, with YARP's messages; a second disconnection fails."""
         writer, reader = pair
         assert net.run("exists", "/writer", "/reader").process.returncode == 1
         assert net.run("connect", "/writer", "/reader").stdout == (
@@ -52,7 +52,7 @@ class TestConnections:
         "words", [["fast_tcp://reader"], ["/reader", "fast_tcp"], ["/reader", "--carrier", "fast_tcp"]]
     )
     def test_the_carrier_can_be_said_in_three_ways(self, net: Net, pair: tuple[Tool, Tool], words: list[str]):
-        """Before the name, behind it, and as an option; a connection by another carrier is told and not accepted."""
+        """The carrier is before the name, after it, or an option; ``exists`` fails for another carrier."""
         assert net.run("connect", "/writer", *words).process.returncode == 0
         asked = net.run("exists", "/writer", "tcp://reader")
         assert asked.stdout == "Connection found from /writer to /reader using carrier fast_tcp\n"
@@ -60,19 +60,19 @@ class TestConnections:
 
     @pytest.mark.parametrize(("source", "target", "role"), [("/no", "/reader", "source"), ("/writer", "/no", "destin")])
     def test_a_port_that_is_missing(self, net: Net, pair: tuple[Tool, Tool], source: str, target: str, role: str):
-        """The words are YARP's; where names are found stands below."""
+        """A missing port is named with YARP's message, and a hint to ``rtf list``."""
         done = net.run("connect", source, target)
         assert done.process.returncode == 1
         assert re.match(rf"\[ERROR\] Failure: could not find {role}\w* port /no\n.*rtf list", done.stderr)
 
     def test_a_port_that_refuses(self, net: Net, pair: tuple[Tool, Tool]):
-        """What the port says is passed on."""
+        """The reason of the port that refuses a connection is printed."""
         done = net.run("connect", "/reader", "/writer")
         assert done.process.returncode == 1
         assert done.stderr.startswith("[ERROR] Failure: Outputs not allowed\n")
 
     def test_persistent_connections(self, net: Net):
-        """They are listed, made as soon as both ports are there, and end when that is asked for."""
+        """A persistent connection is listed, made when both ports are open, and can be removed."""
         assert net.run("connect", "--persist", "/writer", "fast_tcp://reader").process.returncode == 0
         assert net.run("connect", "--list-subs").stdout == "/writer -> fast_tcp://reader\n"
         reader = net.start("read", "/reader", "once")
@@ -86,7 +86,7 @@ class TestConnections:
         assert writer.wait() == 0
 
     def test_persistent_connection_of_absent_ports(self, net: Net):
-        """It ends, too; without one there is nothing to end, which is an error."""
+        """A persistent connection of absent ports can be removed once; a second removal fails."""
         assert net.run("connect", "--persist", "/absent", "fast_tcp://gone").process.returncode == 0
         done = net.run("disconnect", "--persist", "/absent", "/gone")
         assert (done.process.returncode, done.stderr) == (0, "")
@@ -95,13 +95,13 @@ class TestConnections:
         assert net.run("disconnect", "--persist", "/absent", "/gone").process.returncode == 1
 
     def test_waiting_in_vain(self, net: Net):
-        """The time is bounded where it is asked for, and what was waited for is named."""
+        """``rtf wait`` fails after its timeout, and names the port."""
         done = net.run("wait", "/never", "--timeout", "50ms")
         assert done.process.returncode == 1
         assert "waited 0.05 s for /never" in done.stderr
 
     def test_ctrl_c_ends_a_wait(self, net: Net):
-        """It ends without a word and is no success."""
+        """Ctrl-C ends ``rtf wait`` without a message, with exit code 2."""
         waiting = net.start("wait", "/never")
         waiting.until(lambda: _looks(waiting), "the wait")
         assert waiting.end() == 2
@@ -109,7 +109,7 @@ class TestConnections:
 
 
 def _looks(tool: Tool) -> bool:
-    """Whether a tool has begun: its handlers are there (SIGINT is caught by ours, SIGTERM too)."""
+    """Return whether a tool has installed its signal handler for SIGTERM."""
     with Path(f"/proc/{tool.process.pid}/status").open() as status:
         caught = next(int(line.split()[1], 16) for line in status if line.startswith("SigCgt"))
     return bool(caught & (1 << 14))
@@ -119,7 +119,7 @@ class TestLooking:
     """``rtf ping``, ``list`` and ``top``."""
 
     def test_ping(self, net: Net, pair: tuple[Tool, Tool]):
-        """What the port says of itself, and how fast it answers."""
+        """``rtf ping`` prints the port's description and the round-trip times."""
         net.run("connect", "/writer", "/reader", "udp")
         lines = net.run("ping", "/writer", "--count", "3").stdout.splitlines()
         assert re.fullmatch(r"This is /writer at tcp://127\.0\.0\.1:\d+/", lines[0])
@@ -127,7 +127,7 @@ class TestLooking:
         assert re.fullmatch(r"Round trip of 3: min [\d.]+ ms, median [\d.]+ ms, max [\d.]+ ms", lines[-1])
 
     def test_ping_of_a_port_that_is_gone(self, net: Net):
-        """The words are YARP's, and what would fix it stands below."""
+        """A port that does not answer is reported with YARP's message, and a hint to ``rtf clean``."""
         net.run("name", "register", "/gone", "tcp", "127.0.0.1", "1")
         done = net.run("ping", "/gone")
         assert done.process.returncode == 1
@@ -136,7 +136,7 @@ class TestLooking:
         net.run("name", "unregister", "/gone")
 
     def test_list(self, net: Net, pair: tuple[Tool, Tool]):
-        """Each port with address, whether it answers, and how many connections it has; as a tree; and only names."""
+        """``rtf list`` prints each port with address, answer and connections, as a tree, or the names only."""
         net.run("connect", "/writer", "/reader", "fast_tcp")
         net.run("name", "register", "/gone", "tcp", "127.0.0.1", "1")
         rows = [line.split() for line in net.run("list").stdout.splitlines()]
@@ -156,7 +156,7 @@ class TestLooking:
         net.run("name", "unregister", "/gone")
 
     def test_top(self, net: Net, pair: tuple[Tool, Tool]):
-        """Rates of a connection over tcp without anybody's help, and of any other port by a tap, which then is gone."""
+        """``rtf top`` prints rates of tcp connections, and of any port by a tap, which is removed afterwards."""
         writer, _ = pair
         net.run("connect", "/writer", "/reader")
         looking = net.start("top", "--once", "--interval", "0.5", "--tap", "/writer")
@@ -182,7 +182,7 @@ class TestLooking:
         assert writer.stderr == ""
 
     def test_terminate(self, net: Net, pair: tuple[Tool, Tool]):
-        """A program with a quit port is asked by it; one that does not obey is told of."""
+        """``rtf terminate`` asks a program by its quit port; one that goes on is reported."""
         program = net.opened("/camera/quit", "read", "/camera/quit", "once")
         done = net.run("terminate", "/camera")
         assert done.process.returncode == 0, done.stderr
@@ -198,11 +198,11 @@ TOOLS = [command.name for command in RTF.commands if command.on_network]
 
 
 class TestWords:
-    """The command line."""
+    """Help and errors of the command line."""
 
     @pytest.mark.parametrize("word", TOOLS)
     def test_each_tool_teaches(self, capsys: pytest.CaptureFixture[str], word: str):
-        """Its help says what it is for, and all but the server give an example that begins like a command."""
+        """The help of each tool has its usage, and an example for all but the server."""
         with pytest.raises(SystemExit) as end:
             main([word, "--help"])
         assert end.value.code == 0
@@ -215,7 +215,7 @@ class TestWords:
         [["exists"], ["ping", "reader"], ["read", "/a/"], ["read", "tcp://a"], ["read", "/a", "twice"], ["conf", "h"]],
     )
     def test_what_is_wrong_on_a_command_line(self, capsys: pytest.CaptureFixture[str], words: list[str]):
-        """It ends with 4, says what is wrong and where help is."""
+        """A wrong command line ends with 4, and a hint to the help."""
         with pytest.raises(SystemExit) as end:
             main(words)
         assert end.value.code == 4

@@ -1,4 +1,4 @@
-"""Tools that talk to one another, each a process: read, write, connect, rpc; and how they end."""
+"""Tools that exchange messages, each in a process: read, write, connect, rpc; and how they end."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ DATA = Path(__file__).parents[2] / "data" / "yarp_wire" / "3.12.3"
 
 @pytest.fixture
 def reader(net: Net) -> Iterator[Tool]:
-    """``rtf read /reader``, ended by Ctrl-C: nothing is left of it, and it has nothing to complain of."""
+    """``rtf read /reader``; Ctrl-C must end it without an error and without a registered name."""
     tool = net.opened("/reader", "read", "/reader")
     yield tool
     assert tool.end() == 0
@@ -40,7 +40,7 @@ class TestReadAndWrite:
     """``rtf read`` and ``rtf write``."""
 
     def test_lines_arrive_as_yarp_prints_them(self, net: Net, reader: Tool):
-        """Every type of value that was typed in a recording is printed as it was printed there."""
+        """``rtf read`` prints every type of value as YARP did in a recording."""
         recorded = (DATA / "tools_read.console.txt").read_text(encoding="utf-8")
         assert net.run("write", "/writer", "/reader", lines=tuple(recorded.splitlines())).process.returncode == 0
         reader.until_printed(recorded.splitlines()[-1])
@@ -48,7 +48,7 @@ class TestReadAndWrite:
 
     @pytest.mark.parametrize("carrier", ["fast_tcp", "udp", "mcast", "text", "text_ack", "unix_stream"])
     def test_by_each_carrier(self, net: Net, reader: Tool, carrier: str):
-        """The carrier in front of the name is used; the writer ends at the end of its input."""
+        """``rtf write`` uses the carrier before the name, and ends with its input."""
         writer = net.start("write", "/writer", f"{carrier}://reader")
         writer.until(lambda: net.answers("/writer"), "the writer")
 
@@ -64,14 +64,14 @@ class TestReadAndWrite:
 
     @pytest.mark.parametrize(("dialect", "expected"), [("3", Dialect.YARP3), ("4", Dialect.YARP4)])
     def test_the_dialect_is_that_of_the_option(self, net: Net, dialect: str, expected: Dialect):
-        """``--dialect`` decides how numbers are sent, also to a reader that understands both."""
+        """``--dialect`` sets the encoding of numbers, also for a reader that knows both."""
         heard: list[bytes] = []
         with Port("/raw", lambda delivery: heard.append(delivery.read(RAW)), network=Network(net.names)):
             assert net.run("write", "...", "/raw", "--dialect", dialect, lines=("1.5",)).process.returncode == 0
         assert heard == [encode(Bottle([1.5]), expected)]
 
     def test_lines_are_joined_while_something_is_open(self, net: Net, reader: Tool):
-        """A list over two lines is one message."""
+        """Lines are joined while a bracket is open."""
         net.run(
             "write",
             "/writer",
@@ -84,14 +84,14 @@ class TestReadAndWrite:
         reader.until_printed("(1 2) 3")
 
     def test_bytes_that_are_no_text_come_through(self, net: Net, reader: Tool):
-        """What is no UTF-8 is printed as the bytes it was, in any locale."""
+        """Bytes that are not UTF-8 are sent and printed unchanged, in any locale."""
         writer = net.start("write", "/writer", "/reader", LC_ALL="C")
         writer.process.stdin.write(b'"\xff\xfe" \xc3\xa4\n')
         assert writer.wait() == 0
         reader.until(lambda: reader._out.read_bytes() == b'"\xff\xfe" "\xc3\xa4"\n', "the bytes")
 
     def test_once_and_envelope_and_trim(self, net: Net):
-        """One message, with its stamp as YARP prints stamps, cut after some characters."""
+        """``rtf read`` can end after one message, print its stamp as YARP does, and cut the text."""
         once = net.opened("/once", "read", "/once", "envelope", "trim", "5", "once")
         line = "CONNECT x\r\nd 7 99.5\r\n1 2 3 4 5\r\n"
         _send(net, "/once", line)
@@ -99,14 +99,14 @@ class TestReadAndWrite:
         assert once.stdout == "7 99.5000 1 2 3\n"
 
     def test_messages_to_people(self, net: Net):
-        """Of a number and a text only the text is printed, and the number 1 ends it."""
+        """Of a message of 0 or 1 and a text only the text is printed; 1 ends the reader."""
         tool = net.opened("/people", "read", "/people")
         net.run("write", "/writer", "/people", lines=('0 "good morning"', "0 7", '1 "good night"'))
         assert tool.wait() == 0
         assert tool.stdout == "good morning\n0 7\n"
 
     def test_reading_from_a_source(self, net: Net):
-        """The reader has the source connected, by the carrier that stands in front of it."""
+        """``rtf read`` connects a source to its port, by the carrier before the name."""
         writer = net.opened("/writer", "write", "/writer", "--await-reader", "20")
         reader = net.start("read", "...", "fast_tcp://writer", "once")
         writer.type("[set] 1")
@@ -115,21 +115,21 @@ class TestReadAndWrite:
         assert writer.wait() == 0
 
     def test_a_port_that_is_there_already(self, net: Net, reader: Tool):
-        """The name of a port that answers is not taken from it."""
+        """A tool refuses to take the name of a port that answers."""
         second = net.run("read", "/reader")
         assert second.process.returncode == 1
         assert "There is a port /reader already" in second.stderr
         assert net.run("exists", "/reader").process.returncode == 0
 
     def test_a_target_that_is_missing(self, net: Net):
-        """The port is named, and where names are found; nothing stays open."""
+        """A missing target is named with a hint, and no port stays open."""
         done = net.run("write", "/writer", "/nowhere")
         assert done.process.returncode == 1
         assert "/nowhere" in done.stderr
         assert "rtf list" in done.stderr
 
     def test_a_prefix(self, net: Net):
-        """``YARP_PORT_PREFIX`` stands in front of what is opened, not of what is connected to."""
+        """``YARP_PORT_PREFIX`` is put before the names of opened ports, not of targets."""
         tool = net.start("read", "/in", "once", YARP_PORT_PREFIX="/lab")
         tool.until(lambda: net.answers("/lab/in"), "the port")
         second = net.run("read", "/in", YARP_PORT_PREFIX="/lab")
@@ -140,17 +140,17 @@ class TestReadAndWrite:
 
 
 class TestEnds:
-    """How tools end, and what others notice of it."""
+    """The ends of tools, and their effects on others."""
 
     @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
     def test_other_signals(self, net: Net, number: int):
-        """They end a tool as Ctrl-C does; names are given back."""
+        """SIGTERM and SIGHUP end a tool as Ctrl-C does, without a registered name left."""
         tool = net.opened("/writer", "write", "/writer")
         assert tool.end(number) == 0
         assert tool.stderr == ""
 
     def test_nobody_who_reads_the_output(self, net: Net):
-        """A pipe that is closed ends the tool without a word."""
+        """A closed output ends the tool without a message, with exit code 3."""
         out, into = os.pipe()
         tool = net.opened("/piped", "read", "/piped")
         tool.end()
@@ -169,7 +169,7 @@ class TestEnds:
         assert process.returncode == 3
 
     def test_a_reader_that_is_killed(self, net: Net, reader: Tool):
-        """The writer says which reader is gone, and goes on for the others."""
+        """The writer names a killed reader, and writes to the others."""
         victim = net.opened("/victim", "read", "/victim")
         writer = net.opened("/writer", "write", "/writer", "/victim", "fast_tcp://reader")
         writer.type("before")
@@ -189,7 +189,7 @@ class TestEnds:
         assert net.run("clean", "--timeout", "5").stdout.count("removing port /victim") == 1
 
     def test_a_writer_that_is_killed(self, net: Net, reader: Tool):
-        """The reader goes on with the next one."""
+        """After its writer is killed, the reader gets the messages of the next one."""
         writer = net.opened("/writer", "write", "/writer", "/reader")
         writer.type("first")
         reader.until_printed("first")
@@ -199,7 +199,7 @@ class TestEnds:
         reader.until_printed("second")
 
     def test_without_a_name_server(self, net: Net, tmp_path: Path):
-        """Every tool says where it looked and what would help, and ends."""
+        """Without a name server every tool ends with 1, and a hint how to start one."""
         (tmp_path / "yarp.conf").write_text("127.0.0.1 1 yarp\n")
         for words in (["list"], ["read", "/r"], ["name", "list"], ["where"]):
             done = net.run(*words, YARP_CONFIG_HOME=str(tmp_path))
@@ -212,7 +212,7 @@ class TestAsking:
     """``rtf rpc``, ``rtf rpcserver`` and ``rtf admin rpc``."""
 
     def test_answers_are_printed_as_yarp_prints_them(self, net: Net):
-        """A list of lines begins with ``Responses:``; the texts are those of a recording."""
+        """``rtf rpc`` prints replies as in a recording; a list of lines begins with ``Responses:``."""
         recorded = (DATA / "tools_rpc.console.txt").read_text(encoding="utf-8")
         many = "[many] " + " ".join(f'"{line.strip()}"' for line in recorded.splitlines()[1:10])
         doc = (
@@ -230,14 +230,14 @@ class TestAsking:
         assert server.stderr == ""
 
     def test_one_question_on_the_command_line(self, net: Net, reader: Tool):
-        """It is asked, and nothing is read."""
+        """A request on the command line is sent, and the input is not read."""
         assert net.run("admin", "rpc", "/reader", "[ver]").stdout == "Response: [ver] 1 2 3\n"
         inputs = net.run("admin", "/reader", "[list]", "[in]").stdout.split()
         assert inputs[:2] == ["Response:", "anon_rpc"]
         assert inputs[2:] in ([], ["admin"])  # the connection that asked for the dialect may just be ending
 
     def test_a_server_without_answers_left(self, net: Net):
-        """It ends, and the one who asked hears of it."""
+        """A server whose input ends closes, and the client reports the missing reply."""
         server = net.opened("/oracle", "rpcserver", "/oracle")
         asking = net.start("rpc", "/oracle", "why")
         server.until_printed("Message: why")
@@ -246,14 +246,14 @@ class TestAsking:
         assert "/oracle did not answer 'why'" in asking.stderr
 
     def test_an_answer_that_takes_too_long(self, net: Net):
-        """The time is bounded where it is asked for."""
+        """A request fails after its timeout."""
         server = net.opened("/oracle", "rpcserver", "/oracle")
         asking = net.run("rpc", "/oracle", "why", "--timeout", "100ms")
         assert asking.process.returncode == 1
         assert server.end(signal.SIGTERM) == 0
 
     def test_ctrl_c_while_it_waits(self, net: Net):
-        """The wait for an answer can be ended."""
+        """Ctrl-C ends the wait for a reply without a message."""
         server = net.opened("/oracle", "rpcserver", "/oracle")
         asking = net.start("rpc", "/oracle", "why")
         server.until_printed("Message: why")
@@ -263,7 +263,7 @@ class TestAsking:
 
 
 def _send(net: Net, name: str, text: str) -> None:
-    """Type at a port as a person with telnet does."""
+    """Send a text to a port, as a person with telnet does."""
     contact = net.names.query(name)
     assert contact is not None
     with socket.create_connection((contact.host, contact.port), 10) as connection:

@@ -1,4 +1,4 @@
-"""How tools begin, speak and end: signals, and what only a terminal gets."""
+"""Tools on a terminal, and signals while ports are opened and closed."""
 
 from __future__ import annotations
 
@@ -49,16 +49,16 @@ class Terminal:
             self.shown += os.read(self._side, 65536).decode()
 
     def type(self, text: str) -> None:
-        """Type."""
+        """Type a text."""
         os.write(self._side, text.encode())
 
     def end(self) -> int:
-        """Ctrl-C; returns the exit code."""
+        """Send SIGINT, and return the exit code."""
         self.process.send_signal(signal.SIGINT)
         return self.process.wait(30)
 
     def close(self) -> None:
-        """Switch it off."""
+        """Kill the tool, and close the terminal."""
         self.process.kill()
         self.process.wait()
         os.close(self._side)
@@ -66,7 +66,7 @@ class Terminal:
 
 @pytest.fixture
 def terminal(net: Net) -> Iterator[Callable[..., Terminal]]:
-    """Starts tools on terminals."""
+    """Return a function that starts a tool on a terminal."""
     made: list[Terminal] = []
 
     def start(*words: str) -> Terminal:
@@ -79,10 +79,10 @@ def terminal(net: Net) -> Iterator[Callable[..., Terminal]]:
 
 
 class TestTerminal:
-    """What people see and programs do not."""
+    """Output that only a terminal gets."""
 
     def test_a_prompt_and_answers(self, net: Net, terminal: Callable[..., Terminal]):
-        """``rtf rpc`` shows a prompt, and the end of the input ends it."""
+        """``rtf rpc`` shows a prompt, and ends with its input."""
         server = net.opened("/oracle", "rpcserver", "/oracle")
         server.type("42")
         asking = terminal("rpc", "/oracle")
@@ -97,13 +97,13 @@ class TestTerminal:
         assert ">>" not in server.stdout
 
     def test_progress(self, terminal: Callable[..., Terminal]):
-        """``rtf read`` says where its port is; Ctrl-C ends it."""
+        """``rtf read`` prints the address of its port, and ends with Ctrl-C."""
         reading = terminal("read", "/seen")
         reading.until("Port /seen active at tcp://127.0.0.1:")
         assert reading.end() == 0
 
     def test_top_lives(self, terminal: Callable[..., Terminal]):
-        """``rtf top`` draws again and again, and gives the screen back."""
+        """``rtf top`` redraws its table, and restores the screen at its end."""
         looking = terminal("top", "--interval", "50ms")
         looking.until("/root")
         looking.shown = ""
@@ -126,7 +126,7 @@ class TestEnding:
     """Signals and ports."""
 
     def test_a_signal_while_a_port_is_opened(self):
-        """It is opened whole, and closed whole; then the signal counts."""
+        """A signal takes effect after the port is open, and the port is closed."""
         network = Network(LocalNames())
         made: list[Port] = []
 
@@ -141,7 +141,7 @@ class TestEnding:
         assert network.names.list() == []
 
     def test_a_signal_while_a_port_is_closed(self):
-        """Closing is not cut short."""
+        """A signal does not interrupt closing."""
         network = Network(LocalNames())
 
         class Slow(Port):
@@ -154,13 +154,13 @@ class TestEnding:
         assert network.names.list() == []
 
     def test_a_signal_ends_a_wait(self):
-        """Whichever thread the kernel gives it to."""
+        """A signal ends the wait of a bell, whichever thread gets it."""
         bell = Bell()
         with ENDING, pytest.raises(KeyboardInterrupt):
             _killed_and_waiting(bell)
 
     def test_each_ring_ends_one_wait(self):
-        """Rings are counted."""
+        """Each ring of a bell ends one wait."""
         bell = Bell()
         with ENDING:
             bell.ring()
@@ -169,7 +169,7 @@ class TestEnding:
             bell.wait()
 
     def test_everything_is_put_back(self):
-        """Handlers are those of before, and no descriptor is left."""
+        """The former signal handlers are restored, and no descriptor is left."""
         before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
         descriptors = _descriptors()
         with ENDING:

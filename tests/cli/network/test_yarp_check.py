@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def test_without_yarp(net: Net) -> None:
-    """It says what is missing, and how to get it."""
+    """Without ``yarp`` on PATH the command ends with 4, and says so."""
     done = net.run("yarp-check", PATH=str(net.folder))
     assert done.process.returncode == 4
     assert "there is no 'yarp' on PATH" in done.stderr
