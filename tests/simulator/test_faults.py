@@ -395,6 +395,84 @@ def motor_shows_the_same(bench: Bench) -> None:
     assert bench.shown == pytest.approx(60.0, abs=0.5)
 
 
+def errors_in(bench: Bench, look: Callable[[], float], seconds: float) -> np.ndarray:
+    """What ``look`` returns in each millisecond."""
+    found = []
+    for _ in range(round(seconds * 1e3)):
+        bench.run(0.001)
+        found.append(look())
+    return np.array(found)
+
+
+def loses_counts(bench: Bench) -> None:
+    """Slow moves are right; a fast one is longer than the encoder shows, by a twentieth of what was fast."""
+    bench.boards.speeds[ELBOW] = 10.0
+    bench.boards.move(HERE, np.array([50.0]))
+    bench.run(1.0)
+    assert bench.shown == pytest.approx(bench.true, abs=0.02)
+    bench.move(85.0, 1.0)
+    assert 1.0 < bench.true - bench.shown < 0.05 * 35.0
+
+
+def has_spikes(bench: Bench) -> None:
+    """Some readings are five degrees off, to either side; all others are right."""
+    errors = errors_in(bench, lambda: bench.shown - bench.true, 3.0)
+    wrong = np.abs(errors) > 0.5
+    assert 10 <= wrong.sum() <= 120
+    assert np.abs(errors[wrong]) == pytest.approx(5.0, abs=0.05)
+
+
+def is_old(bench: Bench) -> None:
+    """It shows where the joint was 20 ms ago."""
+    bench.boards.speeds[ELBOW] = 100.0
+    bench.boards.move(HERE, np.array([80.0]))
+    true = errors_in(bench, lambda: bench.true, 0.2)
+    assert bench.shown == pytest.approx(true[-21], abs=0.02)
+    assert abs(true[-21] - bench.true) > 0.5
+
+
+def is_off_centre(bench: Bench) -> None:
+    """The error is the sine of the angle."""
+    for target in (60.0, 90.0):
+        bench.move(target, 1.0)
+        assert bench.shown - bench.true == pytest.approx(2.0 * np.sin(np.radians(bench.true)), abs=0.02)
+
+
+def motor_loses_counts(bench: Bench) -> None:
+    """After a fast move the motor shows less than it has turned, by a twentieth of what was fast."""
+    bench.boards.speeds[ELBOW] = 100.0
+    bench.boards.move(HERE, np.array([80.0]))
+    errors_in(bench, lambda: motor(bench)[0], 1.0)
+    shown, true = motor(bench)
+    assert 1.0 < (true - shown) / bench.boards.gearbox[ELBOW] < 0.05 * 35.0
+
+
+def motor_has_spikes(bench: Bench) -> None:
+    """Some readings are 500 degrees off."""
+
+    def error() -> float:
+        shown, true = motor(bench)
+        return shown - true
+
+    errors = errors_in(bench, error, 3.0)
+    wrong = np.abs(errors) > 100.0
+    assert 10 <= wrong.sum() <= 120
+    assert np.abs(errors[wrong]) == pytest.approx(500.0, abs=1.0)
+
+
+def motor_is_old(bench: Bench) -> None:
+    """It shows what it had turned 20 ms ago, although nobody may have looked then."""
+    bench.boards.speeds[ELBOW] = 100.0
+    bench.boards.move(HERE, np.array([80.0]))
+    true = []
+    for _ in range(20):
+        bench.run(0.01)
+        shown, now = motor(bench)
+        true.append(now)
+    assert shown == pytest.approx(true[-3], abs=1.0)
+    assert abs(true[-3] - true[-1]) > 50.0
+
+
 def has_play(bench: Bench) -> None:
     """The motor leads by half the play, on the side to which it drives."""
     shown, true = motor(bench)
@@ -699,6 +777,13 @@ SHOWS: dict[str, Callable[[Bench], None]] = {
     "motor_encoder_scale": motor_is_scaled,
     "motor_encoder_sign": motor_counts_down,
     "motor_encoder_frozen": motor_shows_the_same,
+    "encoder_lost_counts": loses_counts,
+    "encoder_spikes": has_spikes,
+    "encoder_late": is_old,
+    "encoder_eccentric": is_off_centre,
+    "motor_encoder_lost_counts": motor_loses_counts,
+    "motor_encoder_spikes": motor_has_spikes,
+    "motor_encoder_late": motor_is_old,
     "backlash": has_play,
     "torque_bias": torque_is_biased,
     "torque_scale": torque_is_scaled,

@@ -17,7 +17,7 @@ _RATE = (Parameter("rate", 1.0, "deg/s", "growth of the error", -100.0, 100.0),)
 _FACTOR = (Parameter("factor", 1.2, "", "factor of the reading", -10.0, 10.0),)
 
 
-class _EncoderFault(AxisFault):
+class EncoderFault(AxisFault):
     """A fault of a joint encoder; it affects the controller, too."""
 
     layer = Layer.ENCODER
@@ -38,7 +38,7 @@ class _EncoderFault(AxisFault):
         """Change the measurements (deg, deg/s) in place."""
 
 
-class _MotorEncoderFault(_EncoderFault):
+class MotorEncoderFault(EncoderFault):
     """A fault of the encoder on a motor's rotor."""
 
     @property
@@ -46,7 +46,7 @@ class _MotorEncoderFault(_EncoderFault):
         return self.boards.motor_encoder_faults
 
 
-class _Drift(_EncoderFault):
+class _Drift(EncoderFault):
     parameters = _RATE
     rate: float
 
@@ -63,7 +63,7 @@ class EncoderDrift(_Drift):
     symptom = "The joint follows the drift while its error stays small: only a second sensor, or a limit, shows it."
 
 
-class MotorEncoderDrift(_MotorEncoderFault, _Drift):
+class MotorEncoderDrift(MotorEncoderFault, _Drift):
     """Drift of the motor encoder."""
 
     kind = "motor_encoder_drift"
@@ -71,7 +71,7 @@ class MotorEncoderDrift(_MotorEncoderFault, _Drift):
     symptom = "Joint and motor encoder differ more with every swing."
 
 
-class _Bias(_EncoderFault):
+class _Bias(EncoderFault):
     parameters = _BIAS
     bias: float
 
@@ -88,7 +88,7 @@ class EncoderBias(_Bias):
     symptom = "The reading jumps at once; later one limit is met too early, the other too late."
 
 
-class MotorEncoderBias(_MotorEncoderFault, _Bias):
+class MotorEncoderBias(MotorEncoderFault, _Bias):
     """Offset of the motor encoder."""
 
     kind = "motor_encoder_jump"
@@ -97,7 +97,7 @@ class MotorEncoderBias(_MotorEncoderFault, _Bias):
     parameters = (Parameter("bias", 360.0, "deg", "of the rotor", -1e5, 1e5),)
 
 
-class _Scale(_EncoderFault):
+class _Scale(EncoderFault):
     parameters = _FACTOR
     factor: float
 
@@ -115,7 +115,7 @@ class EncoderScale(_Scale):
     symptom = "The joint moves less or more than its encoder shows; it does not agree with its motor."
 
 
-class MotorEncoderScale(_MotorEncoderFault, _Scale):
+class MotorEncoderScale(MotorEncoderFault, _Scale):
     """Wrong resolution of the motor encoder."""
 
     kind = "motor_encoder_scale"
@@ -123,7 +123,7 @@ class MotorEncoderScale(_MotorEncoderFault, _Scale):
     symptom = "The motor turns less or more than joint and gearbox ratio imply."
 
 
-class _Sign(_EncoderFault):
+class _Sign(EncoderFault):
     def show(self, position: FloatArray, velocity: FloatArray, now: float) -> None:
         del now
         position[self.axis] = -position[self.axis]
@@ -138,7 +138,7 @@ class EncoderSign(_Sign):
     symptom = "The joint jumps, saturates and runs into a limit."
 
 
-class MotorEncoderSign(_MotorEncoderFault, _Sign):
+class MotorEncoderSign(MotorEncoderFault, _Sign):
     """Wrong counting direction of the motor encoder."""
 
     kind = "motor_encoder_sign"
@@ -146,7 +146,7 @@ class MotorEncoderSign(_MotorEncoderFault, _Sign):
     symptom = "A positive duty cycle makes it count down."
 
 
-class _Frozen(_EncoderFault):
+class _Frozen(EncoderFault):
     _held: float | None = None
 
     def show(self, position: FloatArray, velocity: FloatArray, now: float) -> None:
@@ -165,7 +165,7 @@ class EncoderFrozen(_Frozen):
     symptom = "The joint moves while its reading does not change."
 
 
-class MotorEncoderFrozen(_MotorEncoderFault, _Frozen):
+class MotorEncoderFrozen(MotorEncoderFault, _Frozen):
     """Constant reading of the motor encoder."""
 
     kind = "motor_encoder_frozen"
@@ -173,7 +173,7 @@ class MotorEncoderFrozen(_MotorEncoderFault, _Frozen):
     symptom = "The joint moves, the reading of its motor does not change."
 
 
-class EncoderNoise(_EncoderFault):
+class EncoderNoise(EncoderFault):
     """Noise of the joint encoder."""
 
     kind = "encoder_noise"
@@ -187,7 +187,7 @@ class EncoderNoise(_EncoderFault):
         position[self.axis] += self.simulation.random.normal(0.0, self.deviation)
 
 
-class Backlash(_MotorEncoderFault):
+class Backlash(MotorEncoderFault):
     """Play between rotor and joint."""
 
     kind = "backlash"

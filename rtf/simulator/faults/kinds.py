@@ -6,7 +6,17 @@ import re
 from typing import TYPE_CHECKING
 
 from rtf.robot.errors import RefusedError
-from rtf.simulator.faults import boards, depth, encoders, mechanics, network, sensors, skin, wiring
+from rtf.simulator.faults import (
+    boards,
+    depth,
+    encoder_errors,
+    encoders,
+    mechanics,
+    network,
+    sensors,
+    skin,
+    wiring,
+)
 from rtf.simulator.faults.base import Fault
 from rtf.testing import plugins
 
@@ -15,7 +25,7 @@ if TYPE_CHECKING:
 
 KINDS: Mapping[str, type[Fault]] = {
     kind.kind: kind
-    for layer in (mechanics, encoders, wiring, boards, sensors, skin, depth, network)
+    for layer in (mechanics, encoders, encoder_errors, wiring, boards, sensors, skin, depth, network)
     for kind in layer.KINDS
 }
 #: Names can come from the network: one with a slash would name any file.
