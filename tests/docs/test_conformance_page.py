@@ -16,7 +16,7 @@ MISSING = {
     "CartesianControlSimpleP2pMovementTest", "CartesianControlReachingToleranceTest", "GazeControlSimpleLookTest",
     "DemoRedBallTest", "gazeController-stress",
 }  # fmt: skip
-OWN = {"BatteryTest", "RgbdTest", "SkinTest"}
+OWN = {"BatteryTest", "JointSweep", "RgbdTest", "SkinTest"}
 ROW = re.compile(r"^\| (?P<name>\w+) \| (?P<value>\S+?)(?: (?P<unit>\S+))? \| (?:C\+\+|chosen)(?![\w+])[^|]* \|$")
 
 
@@ -29,7 +29,8 @@ def sections() -> dict[str, str]:
 def test_every_test_has_a_section():
     """The eleven of the paper first, 31 together with those that are missing."""
     names = [name for heading in sections() for name in heading.split(", ")]
-    assert len(names) == len(set(names)) == 31
+    assert len(names) == len(set(names))
+    assert len(set(names) - OWN) == 31
     assert set(names) - MISSING | OWN == {entry.name for entry in entries()}
 
 

@@ -83,6 +83,19 @@ class Transmission:
         angles = self.gearbox * (np.where(missing, 0.0, shown) @ self.coupling.T)
         return np.where(missing @ (self.coupling.T != 0), np.nan, angles)
 
+    def joints(self, rotors: ArrayLike) -> FloatArray:
+        """Return the joint positions (deg) that belong to rotor positions (deg); shape (axes,) or (states, axes).
+
+        A rotor position that is not finite makes all joints of its state NaN. Raises RefusedError for couplings that
+        leave a joint without a motor.
+        """
+        shown = np.asarray(rotors, dtype=np.float64) / self.gearbox
+        try:
+            found: FloatArray = shown @ np.linalg.inv(self.coupling).T
+        except np.linalg.LinAlgError:
+            raise RefusedError(f"{COUPLING_VARIABLE} has no inverse: a joint has no motor of its own") from None
+        return found
+
     @property
     def factors(self) -> FloatArray:
         """The signed ratios of each rotor to the joint of the same number.

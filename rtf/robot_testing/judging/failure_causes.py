@@ -16,6 +16,14 @@ _CAUSES: dict[str, tuple[str, ...]] = {
     ),
     "frozen": ("the encoder's cable", "an encoder that is not configured", "a board that no longer updates it"),
     "drift": ("a dirty encoder disk", "electrical noise on the encoder's lines", "a slipping coupling"),
+    "spikes": ("a disturbed or damaged line of the encoder", "a loose connector", "a dirty disk or magnet"),
+    "late encoder": ("an encoder that is read too seldom", "a filter in its board", "a loaded bus"),
+    "encoder error": (
+        "a magnet that is not centred, or loose",
+        "an encoder that loses counts at high speed",
+        "a slipping coupling, or a belt or tendon that yields",
+        "a wrong resolution or ratio in the configuration",
+    ),
     "short of limit": (
         "a limit in the configuration beyond the hardware's",
         "an obstacle",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -24,6 +25,8 @@ _ROOM = 2.0
 #: A joint encoder counts as frozen if the motor has turned the joint by this angle, deg, and the encoder shows less
 #: than this share of it. The play of a gearbox is less. After a stop by the guard the second, smaller way is enough.
 _UNSEEN, _SUSPECT, _SEEN_SHARE = 4.0, 1.0, 0.2
+#: Readings of encoders whose median is compared.
+_READINGS = 3
 #: Time-out of a swing: a multiple of its expected time, and additional seconds.
 _TIMES, _GRACE = 2.0, 5.0
 
@@ -90,9 +93,13 @@ class JointSwinger:
     def swinging(self, joint: int, ends: Ends, count: int, speed: float) -> Routine[Outcome]:
         """Move one joint through ``count`` half-swings and home again. A joint that the guard stops is excluded."""
         targets = [ends.high if number % 2 == 0 else ends.low for number in range(count)]
+        return (yield from self.visiting(joint, [(target, speed) for target in (*targets, self.part.home[joint])]))
+
+    def visiting(self, joint: int, stops: Sequence[tuple[float, float]]) -> Routine[Outcome]:
+        """Move one joint to positions (deg), to each with its speed (deg/s). One that the guard stops is excluded."""
         try:
-            for target in (*targets, float(self.part.home[joint])):
-                outcomes = yield from self.moving([target], [joint], [speed])
+            for target, speed in stops:
+                outcomes = yield from self.moving([float(target)], [joint], [speed])
                 if outcomes:
                     return outcomes[joint]
         except GuardError as error:
@@ -168,19 +175,23 @@ class _Watch:
         self._tolerance = tolerance
         # Rows, at the greatest distance to the target: distance, position, and disagreement with the motor encoder.
         self._farthest = np.full((3, len(joints)), -np.inf)
+        self._read: deque[FloatArray] = deque(maxlen=_READINGS)
         self.update()
 
     def update(self) -> None:
-        """Read the positions of joints and motors."""
-        self._here, motors = self._board.encoders_together()
+        """Read the positions of joints and motors; the median of the last readings counts, so that no spike does."""
+        self._read.append(np.array(self._board.encoders_together()))
+        self._here, motors = np.median(np.array(self._read), axis=0)
         self._apart = self._transmission.disagreement(self._here, motors)
-        now = np.array([self.away, self._here[self._joints], self._apart[self._joints]])
-        self._farthest = np.where(now[0] > self._farthest[0], now, self._farthest)
+        if len(self._read) == _READINGS:
+            now = np.array([self.away, self._here[self._joints], self._apart[self._joints]])
+            self._farthest = np.where(now[0] > self._farthest[0], now, self._farthest)
 
     @property
     def away(self) -> FloatArray:
         """The distances of the joints to their targets (deg)."""
-        return np.abs(self._here[self._joints] - self._wanted)
+        away: FloatArray = np.abs(self._here[self._joints] - self._wanted)
+        return away
 
     def over(self) -> bool:
         """Update; return whether all joints have arrived, or one has a frozen encoder."""

@@ -112,15 +112,15 @@ class MotorEncoderSpikes(MotorEncoderFault, _Spikes):
 
 
 class _Late(EncoderFault):
-    parameters = (Parameter("delay", 0.02, "s", "age of the reading", 0.0, 10.0),)
-    delay: float
+    parameters = (Parameter("age", 0.02, "s", "of the readings", 0.0, 10.0),)
+    age: float
 
     def begin(self) -> None:
         self._seen: deque[tuple[float, float, float]] = deque()  # time, position, speed
         super().begin()
 
     def show(self, position: FloatArray, velocity: FloatArray, now: float) -> None:
-        seen, then = self._seen, now - self.delay
+        seen, then = self._seen, now - self.age
         if not seen or now > seen[-1][0]:
             seen.append((now, float(position[self.axis]), float(velocity[self.axis])))
         while len(seen) > 1 and seen[1][0] <= then:

@@ -1,0 +1,166 @@
+"""Sweep of each joint over its range, slowly and fast: errors of its encoders that no small swing shows."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from rtf.robot.errors import RobotError
+from rtf.robot_testing import Safety, likely_causes
+from rtf.robot_testing.guard.transmission import Transmission
+from rtf.robot_testing.joints_test import JointsTest
+from rtf.robot_testing.judging.encoder_errors import Spikes, errors_of, spikes_of
+from rtf.robot_testing.motion.joint_swings import JointSwinger, Outcome, ends_of
+from rtf.robot_testing.motion.joints_out_of_limits import exclude_joints_out_of_limits
+from rtf.robot_testing.motion.part import PACE
+from rtf.robot_testing.motion.routines import run_queues
+from rtf.testing import Parameter
+
+if TYPE_CHECKING:
+    from rtf.robot.interfaces import FloatArray
+    from rtf.robot_testing import Trace
+    from rtf.robot_testing.motion.routines import Routine
+
+#: The least range of a sweep that is judged, deg.
+_LEAST = 5.0
+#: The fewest states of a sweep that are judged.
+_FEWEST = 50
+
+
+class _Sweep(NamedTuple):
+    """A joint's sweep: its outcome, and when it began and ended (s of the robot's clock)."""
+
+    outcome: Outcome
+    begin: float
+    end: float
+
+
+class JointSweep(JointsTest):
+    """Moves each joint from one end of its range to the other, slowly, and back, fast; compares its encoders.
+
+    Every place is passed in both directions, at two speeds. What the motors' encoders show of a joint, through the
+    inverse of gearboxes and couplings, is compared with its own encoder in every state: spikes, delays, and an error
+    that grows over the range, as that of an eccentric magnet, of lost counts, or of a drift. Joints that cannot collide
+    sweep at the same time.
+    """
+
+    aliases = ("jointSweep", "joint-sweep")
+    tags = ("motion", "encoders")
+    safety = Safety.MOTION
+
+    speed = Parameter(list[float], "speed of the slow moves", unit="deg/s", default=[40.0], low=0.1)
+    fast = Parameter(list[float], "speed of the fast moves, at most what the joint can do", unit="deg/s",
+                     default=[100.0], low=0.1)  # fmt: skip
+    tolerance = Parameter(float, "tolerance of the ends of a sweep", unit="deg", default=1.0, low=0.001)
+    # Five steps of an absolute encoder of 12 bits.
+    spike = Parameter(float, "greatest jump of a single reading", unit="deg", default=0.5, low=0.001)
+    delay = Parameter(float, "greatest delay between joint and motor encoder", unit="ms", default=5.0, low=0.1)
+    # What tendons and gears yield by under the load of a limb is less.
+    error = Parameter(float, "greatest change of the disagreement over the range", unit="deg", default=0.5, low=0.001)
+
+    def setup(self) -> None:
+        """Read the transmission of the part, choose the ends of the sweeps, and hold the joints."""
+        super().setup()
+        part = self.robot_part
+        try:
+            self.transmission = Transmission.read(part.board)
+        except RobotError as error:
+            self.assert_error(f"{part.name}: {error}")
+        self.transmission.warn_if_unknown(self, part.name)
+        self.slow_speeds = self.by_joint("speed", self.speed)
+        self.fast_speeds = self.by_joint("fast", self.fast)
+        self.ends = {joint: ends_of(part, joint, np.inf) for joint in self.chosen}
+        self.hold()
+        self.swinger = JointSwinger(part, self.transmission, tolerance=self.tolerance)
+        self.swinger.exclude(exclude_joints_out_of_limits(part))
+
+    def run(self) -> None:
+        """Sweep all queues in parallel, then judge joint by joint."""
+        part = self.robot_part
+        self._sweeps: dict[int, _Sweep] = {}
+        with part.recorded() as trace:
+            run_queues(part, part.queues(self.chosen), self._routine, pace=PACE)
+        self.assert_error_if_false(len(trace), f"{part.name}: the board publishes no states")
+        states = _States.of(trace, self.transmission)
+        for joint in self.chosen:
+            with self.subresult(part.names[joint]):
+                self._judge(joint, self._sweeps[joint], states)
+
+    def _routine(self, joint: int) -> Routine[None]:
+        """Move a joint to its lower end and to its upper one slowly, back to the lower one and home fast."""
+        low, high = self.ends[joint]
+        home, begin = float(self.robot_part.home[joint]), self.now()
+        slow, fast = float(self.slow_speeds[joint]), float(self.fast_speeds[joint])
+        outcome = yield from self.swinger.visiting(joint, [(low, slow), (high, slow), (low, fast), (home, fast)])
+        self._sweeps[joint] = _Sweep(outcome, begin, self.now())
+        self.progress(0.9 * len(self._sweeps) / len(self.chosen), self.robot_part.names[joint])
+
+    def _judge(self, joint: int, sweep: _Sweep, states: _States) -> None:
+        name, outcome = self.robot_part.names[joint], sweep.outcome
+        if doubt := self.swinger.in_doubt(joint):
+            self.inconclusive(f"{name} {doubt}: it cannot be judged")
+        if outcome.excuse:
+            self.inconclusive(f"{name} {outcome.complaint}; but {outcome.excuse}")
+        if outcome.complaint:
+            self.check(condition=False, text=f"{name} {outcome.complaint}; {likely_causes(*outcome.findings)}")
+        own = states.between(sweep.begin, sweep.end)
+        joints, motors = own.joints[:, joint], own.motors[:, joint]
+        finite = np.isfinite(joints) & np.isfinite(motors)
+        if (missing := int((~finite).sum())) or len(finite) < _FEWEST or np.ptp(joints) < _LEAST:
+            why = f"{missing} of {len(finite)} states have no finite values" if missing else "its sweep is too short"
+            self.assert_error_if_false(outcome.complaint, f"{name}: {why}; {likely_causes('frozen')}")
+            return
+        self._judge_encoders(joint, own.time, joints, motors)
+
+    def _judge_encoders(self, joint: int, time: FloatArray, joints: FloatArray, motors: FloatArray) -> None:
+        name = self.robot_part.names[joint]
+        of_joint, of_motor, near = spikes_of(joints, motors, self.spike)
+        for whose, spikes in (("joint", of_joint), ("motor", of_motor)):
+            self._judge_spikes(name, whose, spikes)
+        found = errors_of(time, joints, motors, near)
+        late, first, second = 1e3 * found.delay, *(("joint", "motor") if found.delay > 0 else ("motor", "joint"))
+        hint = (
+            f"{name}: the {first} encoder is {abs(late):.1f} ms behind the {second} encoder; "
+            f"{likely_causes('late encoder')}"
+        )
+        self.measure("delay of the joint encoder", late, "ms", low=-self.delay, high=self.delay, hint=hint)
+        self.measure("play", found.play, "deg")
+        how = f", {found.cause}" if found.cause else ""
+        hint = (
+            f"{name}: joint and motor encoder disagree by {self.shown(found.error)} more in one place than in "
+            f"another{how}; {likely_causes('encoder error')}"
+        )
+        self.measure("error over the range", found.error, "deg", high=self.error, hint=hint)
+        kept = found.kept
+        self.record(
+            "disagreement of the encoders",
+            time=(time[kept] - time[0], "s"),
+            joint=(joints[kept], "deg"),
+            disagreement=(found.left, "deg"),
+        )
+
+    def _judge_spikes(self, name: str, whose: str, spikes: Spikes) -> None:
+        hint = (
+            f"{name}: {spikes.number} readings of the {whose} encoder jump, by up to {self.shown(spikes.largest)}; "
+            f"{likely_causes('spikes')}"
+        )
+        self.measure(f"spikes of the {whose} encoder", spikes.number, "count", high=0, hint=hint)
+
+
+class _States(NamedTuple):
+    """Recorded states: times (s), and positions of the joints by their own and by the motors' encoders (deg)."""
+
+    time: FloatArray
+    local: FloatArray
+    joints: FloatArray
+    motors: FloatArray
+
+    @classmethod
+    def of(cls, trace: Trace, transmission: Transmission) -> _States:
+        return cls(trace.time, trace.local_time, trace.positions, transmission.joints(trace.motor_positions))
+
+    def between(self, begin: float, end: float) -> _States:
+        """Return the states of a time by the test's clock."""
+        rows = (self.local >= begin) & (self.local <= end)
+        return _States(*(column[rows] for column in self))
