@@ -1,4 +1,4 @@
-"""The test case as authors use it: assertions stop, checks go on, and what is kept is beside the journal."""
+"""The test case as authors use it: assertions, checks, measurements, series and attachments."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class Case(TestCase):
-    """A test of which only the calls matter."""
+    """A test with an empty body."""
 
     def run(self) -> None:
         """Do nothing."""
@@ -34,7 +34,7 @@ class Case(TestCase):
 
 @pytest.fixture
 def sent() -> list[Event]:
-    """What the test says."""
+    """The events of the test."""
     return []
 
 
@@ -65,7 +65,7 @@ STOPPING = {
 
 @pytest.mark.parametrize("name", STOPPING)
 def test_assertion_that_does_not_hold_stops(case: Case, name: str):
-    """With the exception that says what it means."""
+    """A failed assertion raises its exception."""
     arguments, error = STOPPING[name]
     with pytest.raises(error):
         getattr(case, name)(*arguments)
@@ -84,7 +84,7 @@ def test_assertion_that_does_not_hold_stops(case: Case, name: str):
     ],
 )
 def test_assertion_that_holds_is_silent(case: Case, sent: list[Event], name: str, arguments: tuple[object, ...]):
-    """Limits and tolerances are inclusive."""
+    """An assertion that holds, also at its limit, sends no event."""
     getattr(case, name)(*arguments)
     assert sent == []
 
@@ -102,7 +102,7 @@ def test_assertion_that_holds_is_silent(case: Case, sent: list[Event], name: str
 def test_check_says_what_it_found_and_goes_on(
     case: Case, sent: list[Event], name: str, good: tuple[object, ...], bad: tuple[object, ...]
 ):
-    """It returns whether it holds; the author's line is in the message."""
+    """A check returns its result, and sends a message with the author's line."""
     assert getattr(case, name)(*good) is True
     assert getattr(case, name)(*bad) is False
     assert [event.severity for event in sent] == [Severity.PASS, Severity.FAILURE]
@@ -110,7 +110,7 @@ def test_check_says_what_it_found_and_goes_on(
 
 
 def test_failed_comparison_states_value_limit_margin_and_unit(case: Case, sent: list[Event]):
-    """A person can act on it without looking at the source; a program has the numbers."""
+    """A failed comparison has value, limits, margin and unit, in text and as numbers."""
     case.check_near(12.5, 10.0, 2.0, "deg", "elbow")
     (message,) = sent
     assert message.detail == "elbow: 12.5 deg, expected within [8, 12] deg, margin -0.5 deg"
@@ -119,27 +119,27 @@ def test_failed_comparison_states_value_limit_margin_and_unit(case: Case, sent: 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), float("-inf")])
 def test_what_is_no_number_is_near_nothing(case: Case, value: float):
-    """Not a number and the infinities never hold against a tolerance or two limits."""
+    """NaN and infinities never satisfy a comparison."""
     assert not case.check_near(value, 0.0, 1.0)
     assert not case.check_within(value, -1.0, 1.0)
     assert not case.check_vector_near([value], [0.0], 1.0)
 
 
 def test_vectors_of_different_lengths_are_the_authors_mistake(case: Case):
-    """Not a failure of the thing under test."""
+    """Vectors of different lengths raise ValueError."""
     with pytest.raises(ValueError, match="vectors of different lengths: 1 values, 2 expected"):
         case.check_vector_near([1], [1, 2], 0.1)
 
 
 def test_measurement_outside_its_limits_is_a_failure_and_the_test_goes_on(case: Case, sent: list[Event]):
-    """The number and the failure are both told."""
+    """A measurement outside its limits is recorded, and a failure."""
     case.measure("gap", 3, "mm", high=2)
     assert [type(event) for event in sent] == [Measured, Message]
     assert case._session.tally.verdict() is Verdict.FAILED
 
 
 def test_a_failure_carries_the_hint_and_a_pass_says_nothing(case: Case, sent: list[Event]):
-    """What a value outside its limits means is said where failures are read, and only then."""
+    """The hint of a measurement is in its failure only."""
     case.measure("gap", 3, "mm", high=2, hint="the lid is open; likely: a broken hinge")
     case.measure("gap", 1, "mm", high=2, hint="the lid is open; likely: a broken hinge")
     case.measure("gap", 3, "mm", hint="the lid is open; likely: a broken hinge")
@@ -150,7 +150,7 @@ def test_a_failure_carries_the_hint_and_a_pass_says_nothing(case: Case, sent: li
 
 
 def test_test_that_only_records_is_measured(case: Case):
-    """Data collection is no pass; one check makes it one."""
+    """A test without checks is measured; with one it passes."""
     case.measure("gap", 3, "mm")
     assert case._session.tally.verdict() is Verdict.MEASURED
     case.check(True, "x")
@@ -158,7 +158,7 @@ def test_test_that_only_records_is_measured(case: Case):
 
 
 def test_series_that_grows_is_watched_and_kept(case: Case, sent: list[Event], tmp_path: Path):
-    """What is appended is told of in batches of a few points, and kept whole when the block is left."""
+    """A growing series is sent in small batches, and stored whole at the end."""
     with case._session.part("joint 1"), case.series("elbow", t="s", q="deg") as series:
         for step in range(10_000):
             series.append(step * 0.01, step)
@@ -172,7 +172,7 @@ def test_series_that_grows_is_watched_and_kept(case: Case, sent: list[Event], tm
 
 
 def test_series_is_kept_once_however_it_ends(case: Case, sent: list[Event]):
-    """The clean-up closes one that was left open; one without a row is none."""
+    """A series is stored once, by its block or by the clean-up; an empty one is not."""
     case.series("empty", t="s", q="deg")
     case.series("left open", t="s", q="deg").append(0, float("nan"))
     for function, arguments, keywords in case.cleanup_stack() * 2:
@@ -181,7 +181,7 @@ def test_series_is_kept_once_however_it_ends(case: Case, sent: list[Event]):
 
 
 def test_series_takes_whole_rows_only(case: Case):
-    """A row of another length, or with something that is no number, is refused, and the columns stay of one length."""
+    """A row of another length, or with other values than numbers, is refused whole."""
     series = case.series("elbow", t="s", q="deg")
     for row in ((1.0,), (1.0, "x"), (1.0, 2.0, 3.0)):
         with pytest.raises(ValueError):  # noqa: PT011 - three messages, one class
@@ -192,7 +192,7 @@ def test_series_takes_whole_rows_only(case: Case):
 
 
 def test_series_are_kept_beside_the_journal(case: Case, sent: list[Event], tmp_path: Path):
-    """Arrays, with their units, in a file that the event names relative to the run's folder."""
+    """A recorded series is a file in the run's folder, with units in the event."""
     for _ in range(2):
         case.record("elbow/1", t=([0.0, 0.1], "s"), q=([1, 2], "deg"))
     first, second = sent
@@ -205,13 +205,13 @@ def test_series_are_kept_beside_the_journal(case: Case, sent: list[Event], tmp_p
 
 @pytest.mark.parametrize("columns", [{}, {"t": ([1, 2], "s"), "q": ([1], "deg")}, {"t": ([[1]], "s")}])
 def test_series_that_are_none(case: Case, columns: dict[str, tuple[list[object], str]]):
-    """Columns are one-dimensional and of one length."""
+    """Columns must be one-dimensional and of one length."""
     with pytest.raises(ValueError, match="series 'x'"):
         case.record("x", **columns)
 
 
 def test_attached_files_never_leave_the_tests_folder(case: Case, sent: list[Event], tmp_path: Path):
-    """Whatever they are called: two of a name are two files, and no name climbs out."""
+    """Attached files are in the test's folder under unique names, whatever they are called."""
     source = tmp_path / "log.txt"
     source.write_text("x")
     kept = [
@@ -229,7 +229,7 @@ def test_attached_files_never_leave_the_tests_folder(case: Case, sent: list[Even
 
 
 def test_words_names_and_progress(case: Case, sent: list[Event]):
-    """What weighs nothing is told as said; progress stays between 0 and 1."""
+    """Reports and warnings do not change the verdict; progress stays between 0 and 1."""
     case.report("a")
     case.warn("b")
     case.rename("n", "d")
@@ -241,6 +241,6 @@ def test_words_names_and_progress(case: Case, sent: list[Event]):
 
 
 def test_body_that_was_not_written_is_an_error():
-    """A test without ``run`` says so."""
+    """A test without ``run`` raises NotImplementedError."""
     with pytest.raises(NotImplementedError, match=r"TestCase has no run\(\)"):
         TestCase().run()

@@ -1,4 +1,4 @@
-"""The cases that programs report are tests of their own: in results, counts, reruns, and when things go wrong."""
+"""Cases of programs are tests of their own: in results, counts and reruns, and after errors."""
 
 from __future__ import annotations
 
@@ -50,13 +50,13 @@ RIG = "from rtf.testing import FixtureManager\nclass Rig(FixtureManager):\n    p
 
 
 def tap(*lines: str, status: int = 0) -> str:
-    """A program that says these lines."""
+    """Return a program that prints these lines."""
     said = "\n".join(f"echo '{line}'" for line in lines)
     return f"#!/bin/sh\n{said}\nexit {status}\n"
 
 
 def verdicts(outcome: Outcome) -> dict[str, str]:
-    """The verdict of each test, by the part of its id behind the suite's."""
+    """Return the verdict of each test by its label."""
     return {test.label: str(test.verdict) for test in outcome.results.tests.values()}
 
 
@@ -71,7 +71,7 @@ def bench(tmp_path: Path) -> Path:
 
 
 def test_each_case_is_a_test_and_the_program_is_not_blamed_for_it(bench: Path):
-    """The exit status of the program is explained by its cases: it counts once for each bad case, not for itself."""
+    """Each failed case counts as a test, and the program itself passes."""
     outcome = run_command(bench, "s.xml")
     assert verdicts(outcome) == {
         "ctrl": "passed",
@@ -90,7 +90,7 @@ def test_each_case_is_a_test_and_the_program_is_not_blamed_for_it(bench: Path):
 
 
 def test_every_report_has_the_cases(bench: Path):
-    """They are told by ordinary events, so no report needs to know of them."""
+    """Every report has the cases."""
     run_command(
         bench,
         "s.xml",
@@ -113,7 +113,7 @@ def test_every_report_has_the_cases(bench: Path):
 
 
 def test_the_programs_own_account_is_its_verdict(tmp_path: Path):
-    """A broken plan, a crash, a status that nothing explains; the cases stay what they were."""
+    """The program has a verdict for its plan, crash and exit status; cases keep theirs."""
     outcome = run_suite(
         tmp_path,
         "<test>plan.sh</test><test>crash.sh</test><test>status.sh</test><test>skipped.sh</test>",
@@ -136,7 +136,7 @@ def test_the_programs_own_account_is_its_verdict(tmp_path: Path):
 
 
 def test_cases_are_told_while_the_program_runs(tmp_path: Path):
-    """Where there is nothing to wait for: no second attempt, no fixture, no repetition."""
+    """Without retries, fixtures and repetitions, cases are reported while the program runs."""
     outcome = run_suite(tmp_path, "<test>p.sh</test>", p__sh=tap("1..2", "ok 1 - a", "ok 2 - b"))
     kinds = [
         (type(event).__name__, event.test)
@@ -156,7 +156,7 @@ def test_cases_are_told_while_the_program_runs(tmp_path: Path):
 
 
 def test_what_one_test_requires_is_the_program_with_its_cases(tmp_path: Path):
-    """A program that passed with a case that did not is nothing to stand on."""
+    """A test that requires a program is blocked by a failed case of it."""
     outcome = run_suite(
         tmp_path,
         '<test name="p">p.sh</test><test name="q" requires="test:p">q.sh</test>',
@@ -168,7 +168,7 @@ def test_what_one_test_requires_is_the_program_with_its_cases(tmp_path: Path):
 
 
 def test_a_case_of_each_repetition(tmp_path: Path):
-    """One test, whose worst run counts."""
+    """A case of repetitions is one test, with the worst verdict."""
     program = "#!/bin/sh\necho 1..1\n[ -e $RTF_FOLDER/x ] && echo not ok 1 - a || echo ok 1 - a\ntouch $RTF_FOLDER/x\n"
     outcome = run_suite(tmp_path, '<test repetition="2">p.sh</test>', p__sh=program)
     assert verdicts(outcome) == {"p": "passed", "p::a": "failed"}
@@ -181,7 +181,7 @@ def test_a_case_of_each_repetition(tmp_path: Path):
 
 
 def test_a_second_attempt_runs_the_bad_cases_alone(bench: Path):
-    """One passes then: it is flaky. A case that had passed keeps its verdict."""
+    """A retry runs the failed cases only; one that passes then is flaky."""
     (bench / "ctrl.py").write_text(
         GTEST.replace('"ran").open("a")', '"ran").open("a")').replace(
             "fails = ", "again = (here / 'ran').exists()\nfails = ['Arm.Stops'] if again else "
@@ -203,7 +203,7 @@ def test_a_second_attempt_runs_the_bad_cases_alone(bench: Path):
 
 
 def test_a_program_that_crashes_is_tried_again_whole(tmp_path: Path):
-    """A case that it does not tell again is an error: nobody knows."""
+    """After a crash the whole program is retried; a case that is missing then is an error."""
     program = (
         "#!/bin/sh\necho 1..2\n[ -e $RTF_RUN_FOLDER/x ] || echo ok 1 - a\necho ok 2 - b\n"
         "[ -e $RTF_RUN_FOLDER/x ] || { touch $RTF_RUN_FOLDER/x; kill -KILL $$; }\n"
@@ -215,7 +215,7 @@ def test_a_program_that_crashes_is_tried_again_whole(tmp_path: Path):
 
 
 def test_a_lost_fixture_takes_the_cases_along(tmp_path: Path):
-    """Nothing is said of the robot; with the fixture back the program is run again, and its cases count."""
+    """Cases of a lost attempt are lost, and those of the next attempt count."""
     fixture = (
         "import pathlib, os\nfrom rtf.testing import FixtureManager\nclass Rig(FixtureManager):\n"
         "    def check(self):\n"
@@ -237,7 +237,7 @@ def test_a_lost_fixture_takes_the_cases_along(tmp_path: Path):
 
 
 def test_a_timeout_leaves_the_cases_that_were_told(tmp_path: Path):
-    """The program is the error."""
+    """After a time-out the program is an error, and reported cases count."""
     program = "#!/bin/sh\necho 1..2\necho ok 1 - a\nexec sleep 100\n"
     outcome = run_suite(tmp_path, '<test timeout="0.5">p.sh</test>', p__sh=program)
     assert verdicts(outcome) == {"p": "error", "p::a": "passed"}
@@ -248,13 +248,13 @@ def test_a_timeout_leaves_the_cases_that_were_told(tmp_path: Path):
     [("not ok 1 - a", "expected failure", "expected failure"), ("ok 1 - a", "unexpected pass", "passed")],
 )
 def test_a_program_that_is_expected_to_fail(tmp_path: Path, line: str, program: str, case: str):
-    """It does when one of its cases does."""
+    """A program that is expected to fail does so if one of its cases fails."""
     outcome = run_suite(tmp_path, '<test expected="fail">p.sh</test>', p__sh=tap("1..1", line))
     assert verdicts(outcome) == {"p": program, "p::a": case}
 
 
 def test_each_bad_case_counts_for_maxfail(tmp_path: Path):
-    """The program itself goes on to its end."""
+    """Each failed case counts for ``maxfail``, and the program runs to its end."""
     xml = "<test>p.sh</test><test>q.sh</test>"
     outcome = run_suite(
         tmp_path,
@@ -270,7 +270,7 @@ def test_each_bad_case_counts_for_maxfail(tmp_path: Path):
 
 
 def test_last_failed_runs_a_program_with_the_cases_that_failed(bench: Path):
-    """And once more with those that failed then."""
+    """``--last-failed`` runs a program with its failed cases."""
     run_command(bench, "s.xml")
     (bench / "fails").write_text("Arm.Stops")
     outcome = run_command(bench, "s.xml", "--last-failed")
@@ -283,7 +283,7 @@ def test_last_failed_runs_a_program_with_the_cases_that_failed(bench: Path):
 
 
 def test_cases_are_chosen_by_name(bench: Path):
-    """As far as earlier runs in the folder of runs know them; a run of few cases does not hide the others."""
+    """``-k`` selects cases that earlier runs know; a run of few cases does not hide the others."""
     assert "none of 1 test is selected" in run_command(bench, "s.xml", "-k", "Grip").stderr
     run_command(bench, "s.xml")
     run_command(bench, "s.xml", "-k", "ctrl::Arm.Stops")
@@ -301,7 +301,7 @@ def test_cases_are_chosen_by_name(bench: Path):
 
 
 def test_a_program_that_ignores_the_choice_runs_whole_and_only_the_chosen_cases_count(tmp_path: Path):
-    """What else it tells is none of this run."""
+    """If a program ignores the selection, only selected cases count."""
     write_files(
         tmp_path,
         {"s.xml": '<suite name="s"><test>p.sh</test></suite>', "p.sh": tap("1..2", "not ok 1 - a", "not ok 2 - b b")},
@@ -312,7 +312,7 @@ def test_a_program_that_ignores_the_choice_runs_whole_and_only_the_chosen_cases_
 
 
 def test_a_chosen_case_that_does_not_come_is_an_error(bench: Path):
-    """It was renamed or removed; that is never silently a pass."""
+    """A selected case that is not reported is an error."""
     run_command(bench, "s.xml")
     (bench / "ctrl.py").write_text(GTEST.replace('"Arm.Stops", ', ""))
     outcome = run_command(bench, "s.xml", "-k", "Stops")
@@ -322,7 +322,7 @@ def test_a_chosen_case_that_does_not_come_is_an_error(bench: Path):
 
 
 def test_the_chosen_cases_of_a_program_that_is_not_run_are_not_lost(tmp_path: Path):
-    """They come to what the program comes to."""
+    """Selected cases of a program that is not run have its verdict."""
     suite = '<suite name="s"><test name="p" {}>p.sh</test></suite>'
     write_files(tmp_path, {"s.xml": suite.format(""), "p.sh": tap("1..1", "not ok 1 - a")})
     run_command(tmp_path, "s.xml")
@@ -332,7 +332,7 @@ def test_the_chosen_cases_of_a_program_that_is_not_run_are_not_lost(tmp_path: Pa
 
 
 def test_stepwise_goes_on_with_the_program_whose_case_failed(tmp_path: Path):
-    """The program, not only the case: what follows has not been run."""
+    """``--stepwise`` continues with the whole program whose case failed."""
     suite = '<suite name="s"><test>p.sh</test><test>q.sh</test></suite>'
     write_files(
         tmp_path, {"s.xml": suite, "p.sh": tap("1..1", "ok 1 - a"), "q.sh": tap("1..2", "ok 1 - a", "not ok 2 - b")}
@@ -342,7 +342,7 @@ def test_stepwise_goes_on_with_the_program_whose_case_failed(tmp_path: Path):
 
 
 def test_a_run_that_is_resumed_runs_the_program_anew_with_the_chosen_cases(bench: Path):
-    """A case of a program that did not end belongs to a part of the run that is void."""
+    """A resumed run runs an unfinished program again, with its selected cases."""
     run_command(bench, "s.xml")
     first = run_command(bench, "s.xml", "-k", "Arm")
     path = first.folder / "journal.jsonl"
@@ -367,7 +367,7 @@ def test_a_run_that_is_resumed_runs_the_program_anew_with_the_chosen_cases(bench
 
 
 def test_more_cases_than_are_kept_fail_the_program_if_one_of_them_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Nothing is lost, and a flood does not grow the run."""
+    """A failed case beyond MAX_CASES fails the program."""
     monkeypatch.setattr(cases_module, "MAX_CASES", 2)
     outcome = run_suite(
         tmp_path,
@@ -388,7 +388,7 @@ def test_more_cases_than_are_kept_fail_the_program_if_one_of_them_does(tmp_path:
 
 @given(st.lists(st.text(max_size=300), min_size=1, max_size=20, unique=True))
 def test_ids_of_cases_hold_for_any_names(names: list[str]):
-    """Each name has an id of its own, the same each time, that ``-k`` of our runner and of pytest read as one word."""
+    """Each name has a unique, stable id that is one word for ``-k``."""
     ids = CaseIds("s/p")
     made = [ids.of(name) for name in names]
     assert len(set(made)) == len(names)
@@ -403,7 +403,7 @@ def test_ids_of_cases_hold_for_any_names(names: list[str]):
 
 @given(st.lists(st.text(alphabet="ab -/.é\n", max_size=12), min_size=2, max_size=8, unique=True))
 def test_the_id_of_a_case_does_not_depend_on_the_others_unless_they_are_alike(names: list[str]):
-    """So it is the same when the program runs with few of its cases, and when a case is added."""
+    """The id of a case depends on other cases only if their ids would be equal."""
     ids = CaseIds("s/p")
     alone = {name: CaseIds("s/p").of(name) for name in names}
     for name in names:
@@ -412,14 +412,14 @@ def test_the_id_of_a_case_does_not_depend_on_the_others_unless_they_are_alike(na
 
 
 def test_ids_that_were_given_are_kept():
-    """A case that is run again has the id by which it was chosen, whatever comes before it."""
+    """A case that is run again keeps its id."""
     ids = CaseIds("s/p", {"a-b": "s/p::a-b-1234"})
     assert ids.of("a b") == "s/p::a-b"
     assert ids.of("a-b") == "s/p::a-b-1234"
 
 
 def test_hostile_names_reach_no_report_unescaped(tmp_path: Path):
-    """Nor the path of a file."""
+    """Hostile names are kept as text, and ids have no special characters."""
     names = ["../../etc/passwd", "<script>alert(1)</script>", "a::b", "$(reboot)", "]]>", "[[ATTACHMENT|/etc/passwd]]"]
     outcome = run_suite(
         tmp_path, "<test>p.sh</test>", p__sh=tap("1..6", *(f"ok {n} - {name}" for n, name in enumerate(names, 1)))
@@ -431,7 +431,7 @@ def test_hostile_names_reach_no_report_unescaped(tmp_path: Path):
 
 @pytest.mark.parametrize("compiler", ["g++"])
 def test_a_real_googletest_program(tmp_path: Path, compiler: str):
-    """Where the compiler and the library are there: the filter is GoogleTest's own."""
+    """A GoogleTest program runs with its own filter, if compiler and library are installed."""
     source = tmp_path / "t.cc"
     source.write_text(
         "#include <gtest/gtest.h>\nTEST(Arm, Moves) {}\nTEST(Arm, Stops) { EXPECT_EQ(1, 2); }\n"

@@ -1,4 +1,4 @@
-"""An attempt, against a child that says what the test makes it say: phases, limits, and what is believed."""
+"""An attempt, with a scripted child process: phases, limits, and which of its messages count."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ GARBAGE = b"\x07\0\0\0garbage"
 class Scripted:
     """A child and its fork server in one: each turn of the reactor plays one step.
 
-    ``waits`` are the limits of the deadlines that were waited for. Stacks take one turn to be written.
+    ``waits`` are the limits of the deadlines that were waited for. Writing stacks takes one turn.
     """
 
     def __init__(self, *steps: bytes | End | Callable[[Scripted], None]) -> None:
@@ -93,7 +93,7 @@ class Scripted:
 
 
 def phase(name: Phase, repetition: int = 0) -> bytes:
-    """The message by which a phase begins."""
+    """Return the message that begins a phase."""
     return pack(PhaseStarted(test="s/t", phase=name, repetition=repetition))
 
 
@@ -106,7 +106,7 @@ def attempt(
     take_case: Callable[[Case], bool] = lambda _: True,
     last: bool = True,
 ):
-    """Carry out an attempt at a scripted child. Returns the outcome, the events and the child."""
+    """Run an attempt with a scripted child. Return the outcome, the events and the child."""
     child = Scripted(*steps)
     events: list[Event] = []
     made = Attempt(
@@ -132,12 +132,12 @@ def attempt(
 
 
 def nothing(child: Scripted) -> None:
-    """A turn in which nothing is said."""
+    """A step without a message."""
 
 
 @pytest.fixture
 def later(monkeypatch: pytest.MonkeyPatch):
-    """Makes a step after which it is so many seconds later; no other time passes."""
+    """Return a function that makes a step of so many seconds; no other time passes."""
     now = [1000.0]
     monkeypatch.setattr(clock, "monotonic", lambda: now[0])
 
@@ -151,7 +151,7 @@ def later(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_what_is_finished_and_ended_well_is_believed():
-    """The outcome a test claims counts when its process ends with 0."""
+    """The outcome that a test reports counts if its process ends with 0."""
     outcome, events, _ = attempt(phase(Phase.RUN), FINISHED, End(0, cpu_time=0.5, max_rss=7))
     assert (outcome.verdict, outcome.exit_status, outcome.cpu_time, outcome.max_rss) == (Verdict.PASSED, 0, 0.5, 7)
     assert [type(event) for event in events] == [TestStarted, PhaseStarted]
@@ -168,7 +168,7 @@ def test_what_is_finished_and_ended_well_is_believed():
     ],
 )
 def test_what_was_heard_counts_whatever_the_process_says_at_last(lines: bytes, verdict: Verdict):
-    """A test that says it passed after a failure was heard has failed."""
+    """A failure or error that was reported counts, also if the test then reports that it passed."""
     assert attempt(lines + FINISHED, End(0))[0].verdict is verdict
 
 
@@ -182,14 +182,14 @@ def test_what_was_heard_counts_whatever_the_process_says_at_last(lines: bytes, v
     ],
 )
 def test_what_goes_wrong_while_it_undoes_things_cuts_it_short(where: Phase, severity: Severity, cut_short: bool):
-    """Nobody knows then what it left behind."""
+    """An error in teardown or clean-up cuts the attempt short, because the state is unknown."""
     said = pack(Message(severity=severity, title="x", test="s/t"))
     assert attempt(phase(where) + said + FINISHED, End(0))[0].cut_short is cut_short
 
 
 @pytest.mark.parametrize("last", [pack(Finished("")), pack(Finished("splendid")), GARBAGE])
 def test_claim_that_is_none(last: bytes):
-    """A last word that says nothing is an error."""
+    """An invalid last message is an error."""
     outcome = attempt(last, End(0))[0]
     assert outcome.verdict is Verdict.ERROR
     assert outcome.reason in ("protocol", "exit")
@@ -210,7 +210,7 @@ def test_claim_that_is_none(last: bytes):
     ],
 )
 def test_process_that_ends_before_the_test_is_over(end: End, reason: str, detail: str):
-    """How it ended and in which phase is said."""
+    """The detail has how the process ended, and in which phase."""
     outcome = attempt(end)[0]
     assert (outcome.verdict, outcome.reason, outcome.detail) == (Verdict.ERROR, reason, detail)
     assert outcome.cut_short
@@ -230,7 +230,7 @@ def test_process_that_ends_before_the_test_is_over(end: End, reason: str, detail
     ],
 )
 def test_phases_begin_once_and_in_order(phases: list[tuple[Phase, int]], repetition: int, accepted: int):
-    """A phase that begins again would have its limit again: a test would outlive its limits."""
+    """A phase that begins again, or out of order, is refused, so that it cannot renew its limit."""
     lines = b"".join(phase(name, count) for name, count in phases)
     _, events, _ = attempt(lines + FINISHED, End(0), repetition=repetition)
     assert sum(isinstance(event, PhaseStarted) for event in events) == accepted
@@ -239,7 +239,7 @@ def test_phases_begin_once_and_in_order(phases: list[tuple[Phase, int]], repetit
 
 
 def test_phases_are_told_with_their_limits():
-    """Loading counts as setting up, all clean-ups together as tearing down."""
+    """Loading has the limit of setup, and clean-ups have that of teardown."""
     limits = Limits(setup=1.0, run=2.0, teardown=3.0)
     assert [limits.of(name) for name in (Phase.LOAD, Phase.SETUP, Phase.RUN, Phase.TEARDOWN, Phase.CLEANUP)] == [
         1.0,
@@ -251,7 +251,7 @@ def test_phases_are_told_with_their_limits():
 
 
 def test_stop_is_asked_for_then_pressed():
-    """Asked, asked by force, and at last the process it was forked from is ended with it."""
+    """A test that does not react to a stop is signalled, then killed."""
     limits = Limits(grace=0.0)
     stop = Stop(Verdict.INTERRUPTED, "interrupted", "enough")
     kills = iter([False, False, True, True, True, True])
@@ -272,7 +272,7 @@ def test_stop_is_asked_for_then_pressed():
     [(Verdict.INTERRUPTED, "interrupted"), (Verdict.FIXTURE_LOST, "fixture"), (Verdict.ERROR, "timeout")],
 )
 def test_test_that_undoes_things_is_not_cut_short(undoing: Phase, verdict: Verdict, reason: str):
-    """What it would be stopped for is under way already: also when the time of its suite is over."""
+    """A test in its teardown or clean-up is not signalled by a stop."""
     stop = Stop(verdict, reason, "enough")
     outcome, _, child = attempt(phase(undoing), nothing, FINISHED, End(0), tick=lambda: stop)
     assert (2, False) not in child.signals
@@ -280,12 +280,12 @@ def test_test_that_undoes_things_is_not_cut_short(undoing: Phase, verdict: Verdi
 
 
 class TestTimeOut:
-    """What happens while stacks are written counts: it may take a second."""
+    """Time-outs, with messages that arrive while stacks are written, which may take a second."""
 
     LIMITS = Limits(setup=60.0, run=300.0, teardown=30.0, grace=2.0)
 
     def test_stops_the_body_and_shows_its_stacks(self, later: Callable[[float], Callable[[Scripted], None]]):
-        """It is asked to stop, and has its teardown's time when it gets there."""
+        """A body that exceeds its limit is stopped, its stacks are reported, and teardown has its own limit."""
         outcome, events, child = attempt(
             phase(Phase.RUN), later(301.0), nothing, phase(Phase.TEARDOWN), FINISHED, End(0), limits=self.LIMITS
         )
@@ -298,7 +298,7 @@ class TestTimeOut:
     def test_leaves_an_undoing_alone_that_began_meanwhile(
         self, undoing: Phase, later: Callable[[float], Callable[[Scripted], None]]
     ):
-        """It is not stopped, and has its whole time, because the body has ended by itself."""
+        """A teardown or clean-up that begins meanwhile is not stopped, and has its whole limit."""
         outcome, _, child = attempt(
             phase(Phase.RUN), later(301.0), phase(undoing), later(29.0), FINISHED, End(0), limits=self.LIMITS
         )
@@ -308,7 +308,7 @@ class TestTimeOut:
         assert (outcome.verdict, outcome.reason) == (Verdict.ERROR, "timeout")
 
     def test_of_an_undoing_that_began_meanwhile_kills(self, later: Callable[[float], Callable[[Scripted], None]]):
-        """That time ends, too."""
+        """A teardown that began meanwhile is killed when it exceeds its own limit."""
         outcome, _, child = attempt(
             phase(Phase.RUN),
             later(301.0),
@@ -323,13 +323,13 @@ class TestTimeOut:
         assert outcome.detail.endswith("was killed")
 
     def test_stops_an_undoing_that_takes_too_long(self, later: Callable[[float], Callable[[Scripted], None]]):
-        """The very phase that is overdue is not spared for being an undoing one."""
+        """A teardown that exceeds its limit is stopped."""
         outcome, _, child = attempt(phase(Phase.TEARDOWN), later(31.0), nothing, FINISHED, End(0), limits=self.LIMITS)
         assert (int(STOP_SIGNAL), False) in child.signals
         assert outcome.detail == "teardown() did not end within 30 s"
 
     def test_does_not_kill_clean_ups_that_began_meanwhile(self, later: Callable[[float], Callable[[Scripted], None]]):
-        """The teardown hung as the body had; what comes after it has its own time, which ends."""
+        """Clean-ups after a teardown that hung have a limit of their own."""
         steps = (
             phase(Phase.RUN),
             later(301.0),
@@ -345,7 +345,7 @@ class TestTimeOut:
         assert outcome.detail.endswith("was killed")
 
     def test_kills_by_force_whatever_began_meanwhile(self, later: Callable[[float], Callable[[Scripted], None]]):
-        """Who says so while the stacks are written need not say it again."""
+        """A kill that is requested while stacks are written is executed."""
         forced = []
 
         def clean_up(child: Scripted) -> None:
@@ -357,7 +357,7 @@ class TestTimeOut:
         assert (9, True) in child.signals
 
     def test_sends_nothing_after_the_end(self, later: Callable[[float], Callable[[Scripted], None]]):
-        """A process that waits for its next job by now would take it for being about that one."""
+        """A process that has ended its test gets no signal, which would reach its next test."""
         outcome, _, child = attempt(phase(Phase.RUN), later(301.0), FINISHED, limits=self.LIMITS, last=False)
         assert child.signals[-1] == (DUMP_SIGNAL, False)
         assert outcome.reason == "timeout"
@@ -372,7 +372,7 @@ class TestTimeOut:
     ids=["nothing", "failure"],
 )
 def test_test_that_somebody_else_stopped_has_not_passed(said: bytes, verdict: Verdict, reason: str):
-    """What it had not come to may be what fails. A failure that was found stands."""
+    """A test that was stopped from outside has not passed; a failure that it reported counts."""
     stopped = pack(Finished("passed", stopped="stopped by the runner"))
     outcome = attempt(phase(Phase.RUN) + said + stopped, End(0))[0]
     assert (outcome.verdict, outcome.reason) == (verdict, reason)
@@ -383,7 +383,7 @@ def test_test_that_somebody_else_stopped_has_not_passed(said: bytes, verdict: Ve
     [(True, False, Verdict.FAILED), (False, True, Verdict.INTERRUPTED), (False, False, Verdict.INTERRUPTED)],
 )
 def test_failure_counts_when_it_was_found_before_the_stop(early: bool, late: bool, verdict: Verdict):
-    """What fails because the test is being stopped is the interrupt's doing; what failed before is not."""
+    """A failure before a stop counts; one after it may be caused by the stop."""
     failure = pack(Message(severity=Severity.FAILURE, title="checks", detail="wrong", test="s/t"))
     stop = Stop(Verdict.INTERRUPTED, "interrupted", "enough")
     asked: list[int] = []
@@ -398,7 +398,7 @@ def test_failure_counts_when_it_was_found_before_the_stop(early: bool, late: boo
 
 
 def test_fixture_lost_outweighs_what_the_test_had_found():
-    """On a rig that is gone nothing that was found can be trusted."""
+    """A lost fixture outweighs failures that the test reported."""
     failure = pack(Message(severity=Severity.FAILURE, title="checks", detail="wrong", test="s/t"))
     stop = Stop(Verdict.FIXTURE_LOST, "fixture", "rig: gone")
     outcome = attempt(phase(Phase.RUN) + failure, End(9), tick=lambda: stop)[0]
@@ -406,7 +406,7 @@ def test_fixture_lost_outweighs_what_the_test_had_found():
 
 
 def test_output_is_the_tests():
-    """What is written is captured in its name."""
+    """Output of the process is captured as that of the test."""
 
     def speak(child: Scripted) -> None:
         child.on_output("stderr", b"hear, hear\n")
@@ -416,7 +416,7 @@ def test_output_is_the_tests():
 
 
 def test_quotes_of_garbage_are_short():
-    """A message of megabytes is told in a few words."""
+    """The report about an invalid message quotes only its beginning."""
     _, events, _ = attempt((1_000_000).to_bytes(4, "little") + b"x" * 1_000_000 + FINISHED, End(0))
     (told,) = [event for event in events if isinstance(event, Message)]
     assert len(told.detail) < 1000
@@ -426,12 +426,12 @@ def test_quotes_of_garbage_are_short():
 
 
 def said_case(verdict: Verdict, test: str = "s/t") -> bytes:
-    """A case as the process of a program tells it."""
+    """Return the message of a case."""
     return pack(Case(test=test, name="a", verdict=verdict, detail="why"))
 
 
 def test_cases_are_handed_on_and_weigh_nothing():
-    """What becomes of them is the suite worker's business."""
+    """Cases are handed to the suite worker, and do not change the outcome."""
     taken: list[str] = []
     outcome, events, _ = attempt(
         phase(Phase.RUN),
@@ -447,7 +447,7 @@ def test_cases_are_handed_on_and_weigh_nothing():
 
 @pytest.mark.parametrize(("verdict", "expected"), [(Verdict.FAILED, Verdict.FAILED), (Verdict.PASSED, Verdict.PASSED)])
 def test_a_bad_case_that_cannot_be_kept_is_a_failure_of_the_program(verdict: Verdict, expected: Verdict):
-    """It is never silently lost."""
+    """A failed case that cannot be kept fails the program."""
     outcome, events, _ = attempt(
         phase(Phase.RUN), said_case(verdict), pack(Finished(outcome="passed")), End(0), take_case=lambda _: False
     )
@@ -456,7 +456,7 @@ def test_a_bad_case_that_cannot_be_kept_is_a_failure_of_the_program(verdict: Ver
 
 
 def test_nobody_tells_cases_of_another_test():
-    """A process speaks for its own test alone."""
+    """A process cannot report cases of another test."""
     taken: list[Case] = []
     outcome, *_ = attempt(
         phase(Phase.RUN),
@@ -471,7 +471,7 @@ def test_nobody_tells_cases_of_another_test():
 
 @pytest.mark.parametrize("duration", [float("nan"), float("inf"), -1.0])
 def test_a_case_with_a_time_that_is_none_is_garbage(duration: float):
-    """It would make the journal unreadable."""
+    """A case with an invalid duration is an invalid message."""
     taken: list[Case] = []
     outcome, *_ = attempt(
         phase(Phase.RUN),

@@ -1,4 +1,4 @@
-"""What a process writes is handed on in lines, bounded, and with every byte that is left out counted."""
+"""Captured output: it is passed on in lines and limited, and each omitted byte is counted."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from rtf.testing.isolation.capture import HEAD_LIMIT, TAIL_LIMIT, Capture, Tail,
 
 
 class Sink:
-    """Takes what a capture hands on."""
+    """Keeps the pieces that a capture passes on."""
 
     def __init__(self, **options: float) -> None:
         self.pieces: list[tuple[str, str, int]] = []
         self.capture = Capture(lambda *piece: self.pieces.append(piece), **options)
 
     def text(self, stream: str = "stdout"):
-        """All text of a stream."""
+        """Return all text of a stream."""
         return "".join(text for name, text, _ in self.pieces if name == stream)
 
     @property
     def omitted(self):
-        """Bytes left out, of all streams."""
+        """The omitted bytes of all streams."""
         return sum(omitted for _, _, omitted in self.pieces)
 
 
 class TestCapture:
-    """Beginning and end are kept."""
+    """A capture, which keeps beginning and end."""
 
     def test_whole_lines_go_out_at_once(self):
-        """A line goes out when it is complete, the rest at the end."""
+        """A line is passed on when it is complete, the rest at the end."""
         sink = Sink()
         sink.capture.feed("stdout", b"one\ntw")
         assert sink.pieces == [("stdout", "one\n", 0)]
@@ -40,7 +40,7 @@ class TestCapture:
         assert [text for _, text, _ in sink.pieces] == ["one\n", "two\n", "three"]
 
     def test_streams_do_not_mix(self):
-        """The parts of a line of one stream are not interrupted by the other's."""
+        """A line of one stream is not split by output of the other."""
         sink = Sink()
         sink.capture.feed("stdout", b"on")
         sink.capture.feed("stderr", b"bad\n")
@@ -48,7 +48,7 @@ class TestCapture:
         assert sink.pieces == [("stderr", "bad\n", 0), ("stdout", "one\n", 0)]
 
     def test_middle_of_a_flood_is_counted(self):
-        """Of a million lines the first and the last are there, and the bytes between are counted exactly."""
+        """Of a million lines the first and last are kept, and the bytes between are counted."""
         sink = Sink()
         line = b"%07d\n"
         total = 0
@@ -64,7 +64,7 @@ class TestCapture:
         assert len(text) + sink.omitted == total
 
     def test_text_after_a_gap_begins_with_a_line(self):
-        """What is kept after bytes were left out does not begin in the middle of a line."""
+        """Text after omitted bytes begins with a whole line."""
         sink = Sink()
         sink.capture.feed("stdout", b"x" * (HEAD_LIMIT - 1) + b"\n")
         for number in range(100_000):
@@ -73,7 +73,7 @@ class TestCapture:
         assert sink.pieces[-1][1].startswith("line ")
 
     def test_room_comes_back_with_time(self, monkeypatch: pytest.MonkeyPatch):
-        """With a refill, a process that was too loud for a while is heard again later."""
+        """With a refill, output after a pause is passed on again."""
         now = 0.0
         monkeypatch.setattr(capture.clock, "monotonic", lambda: now)
         sink = Sink(refill=1024.0)
@@ -87,7 +87,7 @@ class TestCapture:
         assert len(sink.text()) + sink.omitted == 2 * HEAD_LIMIT + 4
 
     def test_long_line_goes_out_in_pieces_between_characters(self):
-        """A line without end is handed on in pieces, and no character is cut."""
+        """A long line is passed on in pieces, without splitting a character."""
         sink = Sink()
         data = "aäöü€😀".encode() * 12_000
         for start in range(0, len(data), 7):
@@ -98,7 +98,7 @@ class TestCapture:
 
     @given(st.lists(st.binary(max_size=200_000), max_size=8))
     def test_no_byte_is_lost_uncounted(self, chunks: list[bytes]):
-        """Whatever comes in whatever pieces: handed on plus left out is what came in."""
+        """Passed on and omitted bytes add up to the input."""
         handed = 0
 
         def take(_stream: str, text: str, omitted: int) -> None:
@@ -114,10 +114,10 @@ class TestCapture:
 
 
 class TestTail:
-    """The last lines."""
+    """The last lines of the output."""
 
     def test_keeps_the_last_lines(self):
-        """So many lines are kept and no more, an unfinished one last."""
+        """The tail has the last lines, an unfinished one included."""
         tail = Tail(lines=2)
         tail.feed("stdout", b"1\n2\n3\n")
         tail.feed("stderr", b"unfin")
@@ -125,14 +125,14 @@ class TestTail:
         assert tail.text() == "2\n3\nunfinished"
 
     def test_line_in_pieces_is_one(self):
-        """A line is one line however it is cut on its way."""
+        """A line that arrives in pieces is one line."""
         tail = Tail()
         for byte in b"hello\r\nworld\n":
             tail.feed("stdout", bytes([byte]))
         assert tail.text() == "hello\nworld"
 
     def test_memory_is_bounded(self):
-        """A line without end keeps its beginning only."""
+        """Of a long line only the beginning is kept."""
         tail = Tail(width=100)
         for _ in range(100):
             tail.feed("stdout", b"x" * 10_000)
@@ -141,7 +141,7 @@ class TestTail:
 
 @given(st.text(), st.integers(min_value=0))
 def test_boundary_never_cuts_a_character(text: str, at: int):
-    """Both sides of the cut can be decoded, and the cut is at most three bytes early."""
+    """Both sides of the cut can be decoded, and it is at most three bytes early."""
     data = text.encode()
     at = min(at, len(data))
     cut = boundary(data, at)

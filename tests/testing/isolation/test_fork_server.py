@@ -1,4 +1,4 @@
-"""The fork server and its plug-in servers: what a test sees of its file, and which files are not shared."""
+"""The fork server and its plug-in servers: what tests see of their file, and which files are not shared."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class It(TestCase):
 
 
 def said(outcome: Outcome, name: str) -> str:
-    """What the test's one report said."""
+    """Return the text of the test's one report."""
     (message,) = [
         event
         for event in outcome.events
@@ -50,21 +50,21 @@ def said(outcome: Outcome, name: str) -> str:
 
 
 class TestPluginServers:
-    """A file with several tests is loaded once, and no test can tell."""
+    """A file with several tests is loaded once, without a visible difference."""
 
     def test_a_file_with_one_test_is_loaded_in_the_test(self, tmp_path: Path):
-        """A plug-in server is worth its while from the second test on."""
+        """A file with one test is loaded by the test's own process."""
         outcome = run_suite(tmp_path, '<test name="one">it.py</test>', it__py=WHO_LOADED)
         assert said(outcome, "one") == "in the test"
 
     def test_a_file_with_several_tests_is_loaded_once(self, tmp_path: Path):
-        """All tests of a file that has several are forked from the process that has loaded it."""
+        """The tests of a file with several are forked from a process that has loaded it."""
         outcome = run_suite(tmp_path, THRICE, it__py=WHO_LOADED)
         assert {said(outcome, name) for name in NAMES} == {"in a plug-in server"}
         assert len({event.pid for event in outcome.of(TestStarted)}) == 3  # type: ignore[attr-defined]
 
     def test_each_test_sees_the_file_as_it_was_right_after_loading(self, tmp_path: Path):
-        """What one test does to its module, to its class or to the environment, no other test sees."""
+        """Changes that a test makes to module, class or environment do not reach other tests."""
         code = """
 import os
 from rtf.testing import TestCase
@@ -81,7 +81,7 @@ class It(TestCase):
         assert [outcome.verdict(name) for name in NAMES] == [Verdict.PASSED] * 3
 
     def test_the_classes_of_one_file_share_a_plugin_server(self, tmp_path: Path):
-        """Tests that name different classes of one file are forked from one process, and each gets its class."""
+        """Tests of different classes of a file share a plug-in server, and get their class."""
         code = WHO_LOADED + "\nclass Other(It):\n    def run(self):\n        self.report(f'Other, {LOADED_BY}')\n"
         xml = '<test name="one">It</test><test name="two">Other</test><test name="three">Other</test>'
         outcome = run_suite(tmp_path, xml, it__py=code)
@@ -102,12 +102,12 @@ class It(TestCase):
         ids=["thread", "process", "file", "memory", "timer", "output"],
     )
     def test_a_file_that_leaves_something_behind_is_loaded_in_each_test(self, tmp_path: Path, line: str):
-        """What a fork would share, or would not get, is made anew for each test."""
+        """A file whose loading leaves threads, processes or such is loaded by each test."""
         outcome = run_suite(tmp_path, THRICE, it__py=f"{WHO_LOADED}\n{line}\n")
         assert {said(outcome, name) for name in NAMES} == {"in the test"}
 
     def test_what_a_file_prints_is_told_by_each_test(self, tmp_path: Path):
-        """The output of loading belongs to each test, and to nothing else."""
+        """Output of loading is captured for each test."""
         outcome = run_suite(tmp_path, THRICE, it__py=f"print('hello')\n{WHO_LOADED}")
         texts = [(event.test, event.text) for event in outcome.of(OutputCaptured)]  # type: ignore[attr-defined]
         assert texts == [(f"s/{name}", "hello\n") for name in NAMES]
@@ -124,13 +124,13 @@ class It(TestCase):
         ids=["raises", "exits", "exits at once", "dies", "is no Python"],
     )
     def test_a_file_that_cannot_be_loaded_is_told_by_each_test(self, tmp_path: Path, line: str, detail: str):
-        """The error is each test's own, as if there were no plug-in servers."""
+        """A file that cannot be loaded is an error of each of its tests."""
         outcome = run_suite(tmp_path, THRICE, it__py=f"{WHO_LOADED}\n{line}\n")
         assert [outcome.verdict(name) for name in NAMES] == [Verdict.ERROR] * 3
         assert all(detail in outcome.detail(name) for name in NAMES)
 
     def test_a_plugin_server_that_is_killed_takes_one_test_with_it(self, tmp_path: Path):
-        """The test that stood on it is an error; the others load the file for themselves."""
+        """A killed plug-in server costs one test; later ones load the file themselves."""
         code = WHO_LOADED + "        if LOADED_BY != os.getpid():\n            os.kill(os.getppid(), 9)\n"
         outcome = run_suite(tmp_path, THRICE, it__py=code)
         assert outcome.verdict("one") is Verdict.ERROR
@@ -138,13 +138,13 @@ class It(TestCase):
         assert [said(outcome, name) for name in NAMES[1:]] == ["in the test"] * 2
 
     def test_a_plugin_server_that_is_stopped_goes_on(self, tmp_path: Path):
-        """A test that stops the process it was forked from is noticed, and the tests after it run."""
+        """Tests after one that stopped its plug-in server run."""
         code = f"{WHO_LOADED}        if self.folder.name == 'one':\n            os.kill(os.getppid(), 19)\n"
         outcome = run_suite(tmp_path, THRICE, options={"limits": Timeouts(total=1.0)}, it__py=code)
         assert [outcome.verdict(name) for name in NAMES[1:]] == [Verdict.PASSED] * 2
 
     def test_all_that_a_test_wrote_is_told(self, tmp_path: Path):
-        """What is still in a pipe that holds more than usual when the test ends is not lost."""
+        """Output that is still in a pipe when the test ends is captured."""
         code = """
 import fcntl, os
 from rtf.testing import TestCase
@@ -157,7 +157,7 @@ class It(TestCase):
         assert "".join(event.text for event in outcome.of(OutputCaptured)).endswith("the end\n")  # type: ignore[attr-defined]
 
     def test_what_a_test_leaves_behind_is_gone_before_the_next_begins(self, tmp_path: Path):
-        """A plug-in server ends orphans as the fork server does: what a test has started does not live on."""
+        """Processes that a test leaves are ended before the next test begins."""
         code = """
 import os, pathlib, subprocess
 from rtf.testing import TestCase
@@ -174,7 +174,7 @@ class It(TestCase):
         assert not os.path.exists(f"/proc/{last}")  # noqa: PTH110 - a process, not a file
 
     def test_what_a_process_used_is_told(self, tmp_path: Path):
-        """CPU time and largest memory are the test's own."""
+        """Processor time and memory in the result are those of the test."""
         code = WHO_LOADED + "        data = bytearray(64 << 20)\n        sum(range(1 << 20))\n"
         outcome = run_suite(tmp_path, THRICE, it__py=code)
         for event in outcome.of(TestEnded):
@@ -183,7 +183,7 @@ class It(TestCase):
 
 
 def test_every_change_is_named():
-    """The reason why a file makes no plug-in server says all that loading it left behind."""
+    """The reason against a plug-in server names everything that loading left."""
     before: dict[str, list[str]] = {"threads": ["1"], "open files": ["0"], "timers": []}
     assert unfit_because(before, before) == ""
     after = {**before, "threads": ["1", "2"], "timers": ["3"]}
@@ -195,7 +195,7 @@ FILES = ("a", "b", "c", "d", "e")
 
 @pytest.fixture
 def fork_server(tmp_path: Path) -> Iterator[ForkServerClient]:
-    """A fork server that expects several tests of each of five files."""
+    """A fork server with five files, of which several tests are planned each."""
     for name in FILES:
         (tmp_path / f"{name}.py").write_text(WHO_LOADED)
     made = ForkServerClient(uses={found(tmp_path, name).path: 3 for name in FILES})
@@ -205,18 +205,18 @@ def fork_server(tmp_path: Path) -> Iterator[ForkServerClient]:
 
 
 def found(folder: Path, name: str) -> plugins.PluginRef:
-    """The plug-in of one of the five files."""
+    """Return the plug-in of one of the files."""
     return plugins.find("test", f"{name}.py", beside=folder)
 
 
 def parent_of(child: Child) -> int:
-    """The process that forked a child."""
+    """Return the process that forked a child."""
     with open(f"/proc/{child.pid}/stat", encoding="utf-8") as stream:  # noqa: PTH123
         return int(stream.read().rpartition(")")[2].split()[1])
 
 
 def test_a_plugin_server_holds_as_long_as_the_fixtures_it_was_loaded_on(fork_server: ForkServerClient, tmp_path: Path):
-    """When a fixture has been restarted, the file is loaded anew: it may have learnt something from the old one."""
+    """A restart of a fixture replaces the plug-in server, because the file may know the old generation."""
     ref = found(tmp_path, "a")
     first = fork_server.take(ref, {"simulator": 1})
     plugin_server = parent_of(first)
@@ -226,14 +226,14 @@ def test_a_plugin_server_holds_as_long_as_the_fixtures_it_was_loaded_on(fork_ser
 
 
 def test_only_so_many_plugin_servers_are_kept(fork_server: ForkServerClient, tmp_path: Path):
-    """Tests of a fifth file load it for themselves as long as four others are in use."""
+    """At most four plug-in servers exist; tests of further files load them."""
     children = [fork_server.take(found(tmp_path, name)) for name in FILES]
     root = parent_of(fork_server.take())
     assert [parent_of(child) == root for child in children] == [False] * 4 + [True]
 
 
 def test_a_plugin_server_whose_tests_are_over_makes_room(fork_server: ForkServerClient, tmp_path: Path):
-    """When the planned tests of a file have been taken, its plug-in server is ended for the sake of another file's."""
+    """A plug-in server without remaining tests is replaced by that of another file."""
     for _ in range(3):
         fork_server.take(found(tmp_path, "a")).dismiss()
     children = [fork_server.take(found(tmp_path, name)) for name in FILES[1:]]
@@ -242,7 +242,7 @@ def test_a_plugin_server_whose_tests_are_over_makes_room(fork_server: ForkServer
 
 
 def test_loading_that_does_not_end_is_given_up_once(fork_server: ForkServerClient, tmp_path: Path):
-    """The test that waits for it has its own limit; those after it load the file for themselves."""
+    """Loading ends at the limit of the first test, and later tests load the file themselves."""
     (tmp_path / "a.py").write_text("import time\nwhile True:\n    time.sleep(1)\n")
     fork_server.take()  # now it is up
     with pytest.raises(LoadTimeoutError, match=r"^loading did not end within 1 s$") as caught:
@@ -253,7 +253,7 @@ def test_loading_that_does_not_end_is_given_up_once(fork_server: ForkServerClien
 
 
 def test_a_job_arrives_as_it_was_sent():
-    """A job has the same members at both ends of the wire, whatever they hold."""
+    """A job is the same after encoding and decoding."""
     ref = plugins.PluginRef("test", "näme", "/x/y.py", "python", "It")
     job = Job(
         kind="test",
@@ -276,7 +276,7 @@ def test_a_job_arrives_as_it_was_sent():
 
 
 def test_a_fork_server_that_was_killed_is_replaced(fork_server: ForkServerClient):
-    """Its children are gone and say so; the next child comes from a new one."""
+    """After a kill of the fork server its children count as ended, and the next child has a new one."""
     child = fork_server.take()
     os.kill(parent_of(child), signal.SIGKILL)
     deadline = clock.Deadline.after(10)
@@ -290,7 +290,7 @@ def test_a_fork_server_that_was_killed_is_replaced(fork_server: ForkServerClient
 def test_a_child_that_is_ended_twice_takes_nothing_with_it(
     fork_server: ForkServerClient, monkeypatch: pytest.MonkeyPatch
 ):
-    """To kill what is gone starts no timer at whose end the fork server is given up."""
+    """Ending a child that is gone has no effect on the fork server."""
     child, other = fork_server.take(), fork_server.take()
     child.dismiss()
     monkeypatch.setattr(child_module, "_VANISH", 0.01)
@@ -305,7 +305,7 @@ def test_a_child_that_is_ended_twice_takes_nothing_with_it(
 def test_a_fork_server_that_does_not_end_a_killed_child_is_replaced(
     fork_server: ForkServerClient, monkeypatch: pytest.MonkeyPatch
 ):
-    """What cannot be killed in time must not hold up the run: its fork server is lost with it."""
+    """A fork server that does not reap a killed child in time is replaced."""
     monkeypatch.setattr(child_module, "_VANISH", 0.05)
     child = fork_server.take()
     monkeypatch.setattr(fork_server, "rouse", lambda: None)

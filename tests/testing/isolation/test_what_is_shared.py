@@ -1,4 +1,4 @@
-"""What the tests of one file, and the process that runs them, share with one another: nothing that they can tell."""
+"""What tests of one file share with each other and with the runner's process: nothing visible."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ TWICE = '<test name="one">it.py</test><test name="two">it.py</test>'
 
 
 class TestLoading:
-    """A file of several tests is loaded once, in the time of the first."""
+    """Loading of a file with several tests."""
 
     def test_slow_loading_is_done_once(self, tmp_path: Path):
-        """What takes long to import takes it once, however many tests there are."""
+        """A file that takes long to load is loaded once for all its tests."""
         code = """
 import pathlib, time
 with pathlib.Path(__file__).with_name("loads").open("a") as loads:
@@ -38,7 +38,7 @@ class It(TestCase):
         assert next(tmp_path.rglob("loads")).read_text() == "x"
 
     def test_loading_that_takes_too_long_is_a_time_out_of_the_test(self, tmp_path: Path):
-        """The first test is over at its limit for setting up; each has one try at loading, and its stacks are shown."""
+        """Loading beyond the setup limit is a time-out of each test, with stacks."""
         code = 'import pathlib, time\nwith pathlib.Path(__file__).with_name("loads").open("a") as loads:\n'
         code += '    loads.write("x")\ntime.sleep(60)\nfrom rtf.testing import TestCase\nclass It(TestCase): pass\n'
         began = clock.monotonic()
@@ -63,7 +63,7 @@ class It(TestCase):
 
 
 def drawn(tmp_path: Path, seed: str, name: str) -> list[float]:
-    """The first random numbers of the tests of one file."""
+    """Return the first random numbers of the tests of one file."""
     tmp_path.mkdir()
     outcome = run_suite(tmp_path, TWICE, it__py=DRAWS.replace("SEED", seed))
     assert [outcome.verdict(test) for test in ("one", "two")] == [Verdict.PASSED] * 2
@@ -71,20 +71,20 @@ def drawn(tmp_path: Path, seed: str, name: str) -> list[float]:
 
 
 class TestRandomNumbers:
-    """Each test draws its own, unless the file has chosen a seed; and nothing is set for libraries of numbers."""
+    """The random numbers of each test."""
 
     @pytest.fixture(autouse=True)
     def _as_the_user_has_it(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
 
     def test_are_drawn_anew_in_each_test(self, tmp_path: Path):
-        """The legacy generator of numpy is seeded in each test, as that of Python is."""
+        """Python's and numpy's generators are seeded anew in each test."""
         for name in ("numpy", "python"):
             one, two = drawn(tmp_path / name, "", name)
             assert one != two
 
     def test_are_those_of_a_seed_that_the_file_has_chosen(self, tmp_path: Path):
-        """Also where several tests share the file."""
+        """A seed that the file sets holds for each of its tests."""
         assert len(set(drawn(tmp_path / "numpy", "numpy.random.seed(7)", "numpy"))) == 1
         assert len(set(drawn(tmp_path / "python", "random.seed(7)", "python"))) == 1
 
@@ -92,7 +92,7 @@ class TestRandomNumbers:
 @pytest.mark.parametrize("context", ["fork", "spawn"])
 @pytest.mark.parametrize("xml", [TWICE, '<test name="one">it.py</test>'], ids=["shared", "alone"])
 def test_objects_and_functions_of_a_test_file_can_be_pickled(tmp_path: Path, context: str, xml: str):
-    """Its module is importable by its registered name, also in processes that a test starts."""
+    """Objects of a test file can be pickled, also for processes that the test starts."""
     code = f"""
 import multiprocessing
 from concurrent.futures import ProcessPoolExecutor
@@ -111,7 +111,7 @@ class It(TestCase):
 
 
 def test_thread_of_an_earlier_test_is_not_the_fault_of_the_next(tmp_path: Path):
-    """In a process that tests share, what a thread of one says during another is told in the name of the first."""
+    """In a shared process, a message of a thread belongs to the test that started it."""
     code = """
 import threading
 from rtf.testing import TestCase
@@ -142,7 +142,7 @@ class Next(TestCase):
 
 
 def is_subreaper() -> bool:
-    """Whether orphans come to this process."""
+    """Return whether orphans become children of this process."""
     import ctypes
 
     answer = ctypes.c_int()
@@ -151,7 +151,7 @@ def is_subreaper() -> bool:
 
 
 def test_process_that_runs_tests_is_not_changed(tmp_path: Path):
-    """It adopts no orphans, and no children are left, zombies included: as it matters to a host such as pytest."""
+    """The runner's process adopts no orphans and keeps no children, which matters to hosts such as pytest."""
     before = processes.children_of(os.getpid())
     code = """
 import os, subprocess
@@ -170,7 +170,7 @@ class It(TestCase):
 
 
 def test_lost_fork_servers_leave_no_zombies():
-    """However many are lost, with children that run."""
+    """Lost fork servers and their children leave no zombies."""
     client = ForkServerClient()
     before = processes.children_of(os.getpid())
     for _ in range(5):

@@ -1,4 +1,4 @@
-"""Any program as a test: its arguments and environment, and the verdict from TAP, a JUnit file or the exit status."""
+"""Executables as tests: arguments, environment, and the verdict from TAP, a JUnit file or the exit status."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MIB = 1024  # in kilobytes, as rusage has it
 
 
 class Ran:
-    """What came of a test: its conclusion and its events."""
+    """The result of a test: conclusion and events."""
 
     def __init__(self, conclusion: Finished, events: list[object]) -> None:
         self.outcome = str(conclusion.outcome)
@@ -40,21 +40,21 @@ class Ran:
         self.messages = self.of(Message)
 
     def of(self, kind: type) -> list:
-        """The events of one kind."""
+        """Return the events of one kind."""
         return [event for event in self.events if isinstance(event, kind)]
 
     def told(self, *severities: str) -> list[tuple[str, str]]:
-        """Title and detail of the messages that weigh so much."""
+        """Return title and detail of the messages with these severities."""
         return [(m.title, m.detail) for m in self.messages if m.severity in severities]
 
     def cases(self) -> list[tuple[str, str]]:
-        """Name and verdict of the cases."""
+        """Return name and verdict of the cases."""
         return [(case.name, str(case.verdict)) for case in self.of(Case)]
 
 
 @pytest.fixture
 def write(tmp_path: Path):
-    """Write a program that can be started."""
+    """Return a function that writes an executable file."""
 
     def of(text: str, name: str = "program", mode: int = 0o755) -> Path:
         path = tmp_path / name
@@ -67,7 +67,7 @@ def write(tmp_path: Path):
 
 @pytest.fixture
 def run(tmp_path: Path, write: Callable[..., Path]):
-    """Run a program, given by its path or the body of a shell script, as a worker does."""
+    """Return a function that runs a program, or the body of a shell script, as a worker does."""
 
     def carry_out(
         program: Path | str, mode: str = "", param: str = "", how: dict[str, Any] | None = None, **more: Any
@@ -95,7 +95,7 @@ def run(tmp_path: Path, write: Callable[..., Path]):
 
 
 def test_a_program_gets_the_words_of_the_parameter_string(run: Callable[..., Ran], tmp_path: Path):
-    """No shell is involved: nothing in them is expanded; added parameters are one word each."""
+    """The words of the parameter string, and parameters as options, are the arguments, without a shell."""
     ran = run(
         f'for word; do echo "[$word]"; done > {tmp_path}/words',
         param='--joints "(0 1 2)" $HOME *',
@@ -115,7 +115,7 @@ def test_a_program_gets_the_words_of_the_parameter_string(run: Callable[..., Ran
 
 
 def test_a_program_gets_its_environment(run: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """What the worker has, and who it is and where it may leave things."""
+    """The program has the worker's environment, with variables for its id, folder and parameters."""
     monkeypatch.setenv("MINE", "kept")
     run(
         f"env > {tmp_path}/env; readlink /proc/self/fd/0 > {tmp_path}/stdin",
@@ -139,14 +139,14 @@ def test_a_program_gets_its_environment(run: Callable[..., Ran], tmp_path: Path,
 
 @pytest.mark.parametrize("mode", ["tap", "exit"])
 def test_a_program_that_is_read_otherwise_is_not_asked_for_a_file(run: Callable[..., Ran], tmp_path: Path, mode: str):
-    """Only where a JUnit file may decide."""
+    """Variables for a JUnit file are set only where it may decide."""
     run(f"env > {tmp_path}/env", mode)
     assert "JUNIT" not in (tmp_path / "env").read_text()
     assert "GTEST" not in (tmp_path / "env").read_text()
 
 
 def test_what_a_program_leaves_is_attached(run: Callable[..., Ran]):
-    """Files in folders too; links are not followed."""
+    """Files that the program leaves in its folder are attached; links are not followed."""
     ran = run('cd "$RTF_FOLDER"; mkdir a; echo 1 > a/x.csv; echo 22 > y.txt; ln -s /etc/passwd link')
     assert [(event.name, event.path, event.media_type, event.size) for event in ran.of(Attached)] == [
         ("y.txt", "files/y.txt", "text/plain", 3),
@@ -155,13 +155,13 @@ def test_what_a_program_leaves_is_attached(run: Callable[..., Ran]):
 
 
 def test_a_program_that_leaves_nothing_leaves_no_folder(run: Callable[..., Ran], tmp_path: Path):
-    """An empty folder a test would litter the run."""
+    """An empty folder of a test is removed."""
     run("exit 0")
     assert not (tmp_path / "files").exists()
 
 
 def test_output_is_the_tests_output(run: Callable[..., Ran], capfd: pytest.CaptureFixture[str]):
-    """Both streams, whatever it is read as."""
+    """Both streams of the program are the output of the test."""
     run("echo 1..1; echo ok 1; echo noise; echo problem >&2")
     captured = capfd.readouterr()
     assert (captured.out, captured.err) == ("1..1\nok 1\nnoise\n", "problem\n")
@@ -175,7 +175,7 @@ def test_output_is_the_tests_output(run: Callable[..., Ran], capfd: pytest.Captu
     ("status", "outcome"), [(0, "passed"), (1, "failed"), (77, "skipped"), (99, "error"), (255, "failed")]
 )
 def test_the_exit_status_decides_as_with_automake(run: Callable[..., Ran], mode: str, status: int, outcome: str):
-    """Where the program says nothing else."""
+    """Without other results the exit status decides, as in automake."""
     ran = run(f"echo ok; exit {status}", mode)
     assert outcome == ran.outcome
     if status:
@@ -185,14 +185,14 @@ def test_the_exit_status_decides_as_with_automake(run: Callable[..., Ran], mode:
 @pytest.mark.parametrize("mode", ["", "exit", "tap", "junit"])
 @pytest.mark.parametrize("name", ["SEGV", "ABRT", "KILL"])
 def test_death_by_a_signal_is_an_error_with_its_name(run: Callable[..., Ran], mode: str, name: str):
-    """Whatever the program said before."""
+    """Death by a signal is an error, whatever the program reported."""
     ran = run(f"{'echo 1..2; echo ok 1;' if mode == 'tap' else ''} kill -{name} $$", mode)
     assert ("error", f"program: killed by SIG{name}") == (ran.outcome, ran.detail)
     assert [("the program crashed", f"program: killed by SIG{name}")] == ran.told("failure", "error")
 
 
 def test_each_repetition_runs_the_program_anew(run: Callable[..., Ran], tmp_path: Path):
-    """With a JUnit file of its own."""
+    """Each repetition runs the program with a JUnit file of its own."""
     ran = run(
         f"echo x >> {tmp_path}/runs; echo \"<testsuite><testcase name='a'/></testsuite>\" > $RTF_JUNIT",
         how={"repetition": 2},
@@ -206,7 +206,7 @@ def test_each_repetition_runs_the_program_anew(run: Callable[..., Ran], tmp_path
 
 
 def test_a_tap_stream_becomes_cases(run: Callable[..., Ran]):
-    """A point each, with its place where its YAML block names it; TODO and SKIP do not fail, nor does the program."""
+    """Each point of TAP is a case, with the place of its YAML block; TODO and SKIP do not fail."""
     ran = run(f"cat {DATA}/nested.tap")
     assert ran.cases() == [
         ("power is on", "passed"),
@@ -245,7 +245,7 @@ def test_a_tap_stream_becomes_cases(run: Callable[..., Ran]):
     ],
 )
 def test_a_tap_stream_decides(run: Callable[..., Ran], lines: str, outcome: str, detail: str):
-    """Plan, points, bailing out and the exit status together; a point that failed explains the exit status."""
+    """Plan, points, bail-out and exit status decide; a failed point explains the exit status."""
     for mode in ("", "tap"):
         ran = run(lines, mode)
         assert outcome == ran.outcome, ran.messages
@@ -253,19 +253,19 @@ def test_a_tap_stream_decides(run: Callable[..., Ran], lines: str, outcome: str,
 
 
 def test_a_program_that_must_speak_tap_and_does_not_fails(run: Callable[..., Ran]):
-    """There is no plan."""
+    """A program without a plan fails where TAP is required."""
     assert run("echo hello", "tap").outcome == "failed"
     assert run("echo hello; echo not ok 1").outcome == "passed"  # by itself it is no TAP: the first line decides
 
 
 def test_points_of_one_name_are_kept_apart(run: Callable[..., Ran]):
-    """And points without one get their number."""
+    """Points of one name are numbered, and those without a name get their number."""
     ran = run("echo 1..4; echo ok; echo ok - a; echo ok - a; echo ok - a")
     assert [name for name, _ in ran.cases()] == ["test 1", "a", "a (2)", "a (3)"]
 
 
 def test_points_are_told_while_the_program_runs(run: Callable[..., Ran], tmp_path: Path):
-    """The program waits until its first point is known."""
+    """Points are reported while the program runs."""
     gate = tmp_path / "gate"
     os.mkfifo(gate)
     path = tmp_path / "waits"
@@ -296,7 +296,7 @@ def test_points_are_told_while_the_program_runs(run: Callable[..., Ran], tmp_pat
 
 
 def test_the_file_of_googletest_becomes_cases(run: Callable[..., Ran]):
-    """Found without being told, because the program wrote it where it was asked to; the file is attached."""
+    """The JUnit file of GoogleTest is read into cases, and attached."""
     ran = run(DATA / "gtest_like.py", param="--fail")
     assert ran.cases() == [
         ("Joint.Moves", "passed"),
@@ -314,7 +314,7 @@ def test_the_file_of_googletest_becomes_cases(run: Callable[..., Ran]):
 
 
 def junit(content: str, status: int = 0) -> str:
-    """A script that writes this file."""
+    """Return a script that writes this file."""
     return f"cat > $RTF_JUNIT <<'END'\n{content}\nEND\nexit {status}"
 
 
@@ -333,7 +333,7 @@ def junit(content: str, status: int = 0) -> str:
     ],
 )
 def test_a_junit_file_decides(run: Callable[..., Ran], script: str, outcome: str, detail: str):
-    """With the exit status, which a bad case explains; a file that is missing or broken is an error."""
+    """The file and the exit status decide; a missing or broken file is an error."""
     ran = run(script, "junit")
     assert outcome == ran.outcome
     assert detail in ran.detail
@@ -350,13 +350,13 @@ def test_a_junit_file_decides(run: Callable[..., Ran], script: str, outcome: str
     ],
 )
 def test_the_verdict_of_a_junit_case(run: Callable[..., Ran], problem: str, verdict: str, detail: str):
-    """A failure weighs more than an error, as in any test."""
+    """A failure outweighs an error in a case."""
     ran = run(junit(f'<testsuite><testcase name="a">{problem}</testcase></testsuite>'), "junit")
     assert [(case.verdict, case.detail) for case in ran.of(Case)] == [(verdict, detail)]
 
 
 def test_no_time_that_a_program_writes_is_too_long(run: Callable[..., Ran]):
-    """The runner takes no other, and readers of the journal need a number."""
+    """The duration of a case is limited, so that the journal has a valid number."""
     ran = run(junit('<testsuite><testcase name="a" time="1e300"/></testsuite>'), "junit")
     assert [case.duration for case in ran.of(Case)] == [1e9]
 
@@ -365,7 +365,7 @@ def test_no_time_that_a_program_writes_is_too_long(run: Callable[..., Ran]):
 
 
 def test_a_program_is_told_which_cases_are_wanted(run: Callable[..., Ran], tmp_path: Path):
-    """By a variable of ours and by that of GoogleTest, in whose filter some characters stand for any."""
+    """Selected cases are passed by RTF_CASES, and by GTEST_FILTER with special characters as ``?``."""
     run(f"env > {tmp_path}/env", how={"cases": ("Joint.Stops", "a-b:c (2)")})
     text = (tmp_path / "env").read_text()
     assert "RTF_CASES=Joint.Stops\na-b:c (2)\na-b:c\n" in text
@@ -376,12 +376,12 @@ def test_a_program_is_told_which_cases_are_wanted(run: Callable[..., Ran], tmp_p
 
 @pytest.mark.parametrize("name", ["a\nb", "a\0b", "\ufffd", "x" * 500])
 def test_names_that_no_variable_can_hold_are_not_passed_on(name: str):
-    """The program then runs whole, and what is not wanted does not count."""
+    """Names that no variable can hold are not passed; the program then runs whole."""
     assert wanted_cases(["good", name]) == {}
 
 
 def test_too_many_names_are_not_passed_on():
-    """Linux would not start the program."""
+    """More names than Linux allows in a variable are not passed."""
     assert wanted_cases([f"case number {number}" for number in range(10_000)]) == {}
     assert wanted_cases([f"case number {number}" for number in range(1000)])
 
@@ -402,7 +402,7 @@ def test_too_many_names_are_not_passed_on():
 def test_a_program_that_cannot_be_started_is_an_error_with_its_hint(
     run: Callable[..., Ran], write: Callable[..., Path], text: str, mode: int, part: str
 ):
-    """The kernel only says a number."""
+    """A program that cannot be started is an error with the reason and a hint."""
     if mode == 0o755 or os.geteuid() != 0 or not os.access(write(text, mode=mode), os.X_OK):
         ran = run(write(text, mode=mode))
         ((title, detail),) = ran.told("error")
@@ -412,19 +412,19 @@ def test_a_program_that_cannot_be_started_is_an_error_with_its_hint(
 
 
 def test_a_program_that_is_gone_is_an_error(run: Callable[..., Ran], tmp_path: Path):
-    """It was there when the suite was read."""
+    """A program that was removed after the suite was read is an error."""
     ran = run(tmp_path / "gone")
     assert ("the program cannot be started", f"{tmp_path}/gone: No such file or directory") in ran.told("error")
 
 
 def test_an_unknown_way_of_reading_is_refused():
-    """By the class, for those who use it without a suite."""
+    """ExecutableTest refuses an unknown format."""
     with pytest.raises(ValueError, match="not as 'xml'"):
         ExecutableTest(Path("x"), "xml")
 
 
 def test_a_binary_that_crashes_in_the_middle_of_its_stream(run: Callable[..., Ran], tmp_path: Path):
-    """A real one: its flushed points are told, its plan is no fault, the signal is the error."""
+    """A binary that crashes is an error with the signal; its flushed points count."""
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None:
         pytest.skip("there is no C compiler")
@@ -444,7 +444,7 @@ def test_a_binary_that_crashes_in_the_middle_of_its_stream(run: Callable[..., Ra
 
 @pytest.fixture
 def stoppable(tmp_path: Path):
-    """Start a test in a process of its own; returns the process."""
+    """Return a function that starts a test in a process, and returns the process."""
     started = []
 
     def start(program: Path, mode: str = "", **more: object) -> subprocess.Popen:
@@ -461,7 +461,7 @@ def stoppable(tmp_path: Path):
 
 
 def alive(pid: int) -> bool:
-    """Whether a process is there and no zombie."""
+    """Return whether a process runs."""
     try:
         return "\nState:\tZ" not in Path(f"/proc/{pid}/status").read_text()
     except OSError:
@@ -469,7 +469,7 @@ def alive(pid: int) -> bool:
 
 
 def test_a_stop_ends_the_program_first(stoppable: Callable[..., subprocess.Popen[bytes]], write: Callable[..., Path]):
-    """It is asked by SIGTERM, and its last words are heard."""
+    """A stop sends the program SIGTERM, and its last output is captured."""
     program = write(
         "#!/usr/bin/env python3\nimport os, signal, sys\n"
         "signal.signal(signal.SIGTERM, lambda *_: sys.exit(print('bye')))\n"
@@ -487,7 +487,7 @@ def test_a_stop_ends_the_program_first(stoppable: Callable[..., subprocess.Popen
 def test_a_program_that_will_not_end_is_killed(
     stoppable: Callable[..., subprocess.Popen[bytes]], write: Callable[..., Path]
 ):
-    """After two seconds of grace."""
+    """A program that ignores SIGTERM is killed after two seconds."""
     program = write(
         "#!/usr/bin/env python3\nimport os, signal\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\n"
         "print(os.getpid(), flush=True)\nsignal.pause()\n"
@@ -502,7 +502,7 @@ def test_a_program_that_will_not_end_is_killed(
 def test_a_program_is_in_the_workers_group_and_dies_with_it(
     stoppable: Callable[..., subprocess.Popen[bytes]], write: Callable[..., Path]
 ):
-    """So the runner's last resort reaches it, and nothing is left behind."""
+    """The program is in the worker's process group, and is killed with the worker."""
     program = write(
         "#!/usr/bin/env python3\nimport os, signal\nprint(os.getpid(), os.getpgrp(), flush=True)\nsignal.pause()\n"
     )
@@ -516,7 +516,7 @@ def test_a_program_is_in_the_workers_group_and_dies_with_it(
 
 
 def test_a_grandchild_that_holds_the_output_is_not_waited_for(run: Callable[..., Ran], tmp_path: Path):
-    """The program has ended; what it left behind is the runner's."""
+    """The test ends with the program, also if a child of it holds the output."""
     os.mkfifo(tmp_path / "gate")
     ran = run(f"read x < {tmp_path}/gate & echo $! > {tmp_path}/pid; echo done")
     pid = int((tmp_path / "pid").read_text())
@@ -528,7 +528,7 @@ def test_a_grandchild_that_holds_the_output_is_not_waited_for(run: Callable[...,
 
 
 def test_a_program_that_closes_its_output_is_waited_for(run: Callable[..., Ran]):
-    """Its exit status still decides."""
+    """A program that closes its output is waited for, and its exit status decides."""
     assert run("exec >&-; exec 2>&-; exit 5").outcome == "failed"
 
 
@@ -544,7 +544,7 @@ def test_a_program_that_closes_its_output_is_waited_for(run: Callable[..., Ran])
 def test_a_flood_of_output_does_not_grow_memory(
     stoppable: Callable[..., subprocess.Popen[bytes]], write: Callable[..., Path], mode: str, script: str
 ):
-    """A gigabyte in one line, and many lines that mean nothing."""
+    """A gigabyte of output does not grow the worker's memory."""
     process = stoppable(write(f"#!/bin/sh\n{script}\n"), mode, stdout=subprocess.DEVNULL)
     _, errors = process.communicate(timeout=100)
     assert int(errors.split()[-1]) < 100 * MIB
@@ -552,7 +552,7 @@ def test_a_flood_of_output_does_not_grow_memory(
 
 
 def test_lines_are_cut_out_of_any_pieces():
-    """However the bytes come; an overlong line loses its end, bytes that are no UTF-8 are replaced."""
+    """Lines are the same for any pieces; long ones are cut, and invalid UTF-8 is replaced."""
     for size in (1, 2, 3, 100):
         cutter = LineCutter(limit=4)
         data = b"ab\n\nabcdefgh\n\xff\xc3\xa9\nlast"

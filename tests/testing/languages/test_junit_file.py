@@ -1,4 +1,4 @@
-"""JUnit files that programs under test write: GoogleTest's and others', and hostile ones."""
+"""JUnit files of programs under test, of GoogleTest and others, and hostile ones."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Failed]]></failure>
 
 @pytest.fixture
 def read(tmp_path: Path):
-    """Read a JUnit file of the given content."""
+    """Return a function that reads a JUnit file with this content."""
 
     def of(content: str | bytes) -> list[JunitCase]:
         path = tmp_path / "junit.xml"
@@ -44,7 +44,7 @@ def read(tmp_path: Path):
 
 
 def test_the_file_of_googletest(read: Callable[[str | bytes], list[JunitCase]]):
-    """Failures know their place, disabled tests are skipped."""
+    """Failures have their place, and disabled tests are skipped."""
     text = "/src/j.cc:12\nFailed"
     assert [
         JunitCase("Moves", "Joint", "Joint", time=0.25, file="/src/j.cc", line=5),
@@ -54,7 +54,7 @@ def test_the_file_of_googletest(read: Callable[[str | bytes], list[JunitCase]]):
 
 
 def test_failures_errors_and_skips_are_told_apart(read: Callable[[str | bytes], list[JunitCase]]):
-    """A case may have several problems; the type stands in for a message that is missing."""
+    """A case may have several problems; without a message the type is the text."""
     cases = read(
         """<testsuite name="s"><testcase name="a"><failure type="T">x</failure><error message="m"/></testcase>
         <testcase name="b" classname="c"><skipped message="no robot"/></testcase>
@@ -67,7 +67,7 @@ def test_failures_errors_and_skips_are_told_apart(read: Callable[[str | bytes], 
 
 
 def test_nested_suites_and_foreign_elements(read: Callable[[str | bytes], list[JunitCase]]):
-    """Cases are found at any depth, in any namespace; properties and output are passed over."""
+    """Cases are found at any depth and in any namespace; other elements are ignored."""
     cases = read(
         """<testsuites xmlns="urn:x"><!-- c --><testsuite name="o"><properties><property name="p"/></properties>
         <testsuite name="i"><testcase name="a"><system-out>x</system-out><?pi?></testcase></testsuite></testsuite>
@@ -80,7 +80,7 @@ def test_nested_suites_and_foreign_elements(read: Callable[[str | bytes], list[J
 def test_times_that_are_none_are_left_out(
     read: Callable[[str | bytes], list[JunitCase]], text: str, time: float | None
 ):
-    """Nobody's summary should fail for a time that is no number."""
+    """An invalid time is None."""
     assert time == read(f'<testsuite><testcase name="a" time="{text}"/></testsuite>')[0].time
 
 
@@ -108,7 +108,7 @@ BOMB = "".join(f'<!ENTITY e{n} "{f"&e{n - 1};" * 10}">' for n in range(1, 10))
 def test_what_is_no_junit_file_is_an_own_error(
     read: Callable[[str | bytes], list[JunitCase]], content: str | bytes, part: str
 ):
-    """Hostile files too: no entity is expanded, nothing is fetched."""
+    """Any other file raises JunitFileError; entities are not expanded, and nothing is fetched."""
     began = clock.monotonic()
     with pytest.raises(JunitFileError, match=r"junit\.xml") as caught:
         read(content)
@@ -119,7 +119,7 @@ def test_what_is_no_junit_file_is_an_own_error(
 def test_size_and_number_of_cases_are_bounded(
     read: Callable[[str | bytes], list[JunitCase]], monkeypatch: pytest.MonkeyPatch
 ):
-    """A program cannot fill the worker's memory."""
+    """Size and number of cases have a limit."""
     monkeypatch.setattr(case_report, "MAX_CASES", 2)
     with pytest.raises(JunitFileError, match="more than 2 test cases"):
         read(f"<testsuite>{'<testcase/>' * 3}</testsuite>")
@@ -130,7 +130,7 @@ def test_size_and_number_of_cases_are_bounded(
 
 @given(st.text(st.characters(exclude_categories=["Cs", "Cc"]), max_size=40))
 def test_every_text_comes_back(tmp_path_factory: pytest.TempPathFactory, text: str):
-    """What a failure says is what is read."""
+    """The text of a failure is read unchanged."""
     from xml.sax.saxutils import escape
 
     path = tmp_path_factory.getbasetemp() / "property.xml"
@@ -141,7 +141,7 @@ def test_every_text_comes_back(tmp_path_factory: pytest.TempPathFactory, text: s
 
 @pytest.mark.fuzz
 def test_mutated_files_do_no_harm(read: Callable[[str | bytes], list[JunitCase]]):
-    """Damaged files are read, or refused with an own error."""
+    """A damaged file is read, or raises JunitFileError."""
     chance = random.Random(7)
     data = GTEST.encode()
     for _ in range(500):

@@ -1,4 +1,4 @@
-"""The C++ framework's Python scripts run unchanged."""
+"""Python scripts of the C++ framework run unchanged."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DATA = Path(__file__).parents[2] / "data" / "plugins"
 
 
 class Ran:
-    """What came of a test: its conclusion and its events."""
+    """The result of a test: conclusion and events."""
 
     def __init__(self, conclusion: Finished, events: list[object]) -> None:
         self.outcome = str(conclusion.outcome)
@@ -30,17 +30,17 @@ class Ran:
         self.messages = self.of(Message)
 
     def of(self, kind: type) -> list:
-        """The events of one kind."""
+        """Return the events of one kind."""
         return [event for event in self.events if isinstance(event, kind)]
 
     def told(self, *severities: str) -> list[tuple[str, str]]:
-        """Title and detail of the messages that weigh so much."""
+        """Return title and detail of the messages with these severities."""
         return [(m.title, m.detail) for m in self.messages if m.severity in severities]
 
 
 @pytest.fixture
 def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Run a script, given by its path or its text, as a worker does."""
+    """Return a function that runs a script as a worker does."""
     monkeypatch.setattr(sys, "path", [*sys.path])
     monkeypatch.delitem(sys.modules, legacy_python.MODULE, raising=False)
 
@@ -68,7 +68,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 
 
 def test_a_script_of_the_cpp_framework_runs_unchanged(run: Callable[..., Ran]):
-    """With every function it may call, on the titles the C++ framework gave them, and lines of the script."""
+    """Every function works, with the C++ framework's titles, and lines of the script."""
     ran = run(DATA / "classic.py", "--joints 3", environment="--robotname icubSim")
     assert ran.told("failure") == [
         ("checks", "wrong sums"),
@@ -88,7 +88,7 @@ def test_a_script_of_the_cpp_framework_runs_unchanged(run: Callable[..., Ran]):
 
 
 def test_the_module_can_be_imported(run: Callable[..., Ran]):
-    """At the top of the script, as its users always tried."""
+    """A script can import the module ``robottestingframework``."""
     legacy_python.install()
     ran = run("""
 import robottestingframework
@@ -103,7 +103,7 @@ class TestCase:
 
 
 def test_a_module_of_the_users_own_is_left_alone(run: Callable[..., Ran], monkeypatch: pytest.MonkeyPatch):
-    """Who has a module of that name keeps it."""
+    """An existing module of that name is not replaced."""
     monkeypatch.setitem(sys.modules, legacy_python.MODULE, sys)
     assert sys is legacy_python.install()
 
@@ -121,7 +121,7 @@ def test_a_module_of_the_users_own_is_left_alone(run: Callable[..., Ran], monkey
     ],
 )
 def test_setup_gets_what_it_asks_for(run: Callable[..., Ran], signature: str, expected: str):
-    """Nothing, the parameter string, or the words with the test's name first."""
+    """setup() gets nothing, the parameter string, or the test's name and the words, by its signature."""
     names = [word.strip() for word in signature.split(",")[1:] if "key" not in word and word.strip() != "*"]
     given = "".join(f"{name.split('=')[0]}," for name in names)
     ran = run(
@@ -138,7 +138,7 @@ class TestCase:
 
 
 def test_a_setup_of_the_wrong_shape_is_an_error_with_its_reason(run: Callable[..., Ran]):
-    """Too many arguments for it: Python's own words."""
+    """Wrong arguments of setup() are an error with Python's message."""
     ran = run("class TestCase:\n  def setup(self, name, a): pass\n  def run(self): pass", "1 2 3")
     assert "takes 3 positional arguments but 5 were given" in ran.told("error")[0][1]
 
@@ -147,7 +147,7 @@ def test_a_setup_of_the_wrong_shape_is_an_error_with_its_reason(run: Callable[..
     ("result", "outcome"), [("None", "passed"), ("True", "passed"), ("False", "error"), ("0", "error")]
 )
 def test_what_setup_returns_decides(run: Callable[..., Ran], result: str, outcome: str):
-    """Only returning nothing counts as success; run is not reached else, tearDown is."""
+    """Only None and True of setup() count as success; otherwise run() is omitted, and tearDown() runs."""
     ran = run(f"""
 class TestCase:
     def setup(self): return {result}
@@ -169,7 +169,7 @@ class TestCase:
     ],
 )
 def test_exceptions_say_what_they_are(run: Callable[..., Ran], statement: str, outcome: str, title: str, detail: str):
-    """With the script's line, and a traceback that begins in it; tearDown runs all the same."""
+    """An exception has its verdict, line and traceback in the script; tearDown() runs."""
     ran = run(f"""
 class TestCase:
     def run(self):
@@ -201,7 +201,7 @@ class TestCase:
     ],
 )
 def test_what_is_wrong_with_a_script_is_said_when_it_is_loaded(run: Callable[..., Ran], script: str, part: str):
-    """As an error of the test, with Python's own words."""
+    """An error while a script is loaded is an error of the test."""
     legacy_python.install()
     ran = run(script)
     assert ran.outcome == "error"
@@ -209,7 +209,7 @@ def test_what_is_wrong_with_a_script_is_said_when_it_is_loaded(run: Callable[...
 
 
 def test_two_scripts_in_one_process_do_not_mix(run: Callable[..., Ran]):
-    """The functions speak for the test that runs, not for the one loaded last."""
+    """The functions report for the running test, not for the last loaded one."""
     first = run(DATA / "classic.py")
     second = run("class TestCase:\n  def run(self): robottestingframework.testCheck(True, 'second')")
     assert first.outcome == "failed"
@@ -218,7 +218,7 @@ def test_two_scripts_in_one_process_do_not_mix(run: Callable[..., Ran]):
 
 
 def test_added_parameters_stand_behind_the_string(run: Callable[..., Ran]):
-    """``<parameter>`` and ``--set`` become options; each row says where it is from."""
+    """``<parameter>`` and ``--set`` are options after the parameter string, each with its source."""
     ran = run(
         "class TestCase:\n  def setup(self, p): robottestingframework.testReport(p)\n  def run(self): pass",
         "--a 1",
@@ -237,7 +237,7 @@ def test_added_parameters_stand_behind_the_string(run: Callable[..., Ran]):
 
 
 def test_only_run_repeats(run: Callable[..., Ran]):
-    """Each repetition is a part with its own verdict."""
+    """Only run() is repeated, and each repetition is a sub-result."""
     ran = run(
         """
 class TestCase:

@@ -1,4 +1,4 @@
-"""Tests written in Lua: the C++ framework's semantics without its defects."""
+"""Tests in Lua, with the semantics of the C++ framework."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ DATA = Path(__file__).parents[2] / "data" / "plugins"
 
 
 class Ran:
-    """What came of a test: its conclusion and its events."""
+    """The result of a test: conclusion and events."""
 
     def __init__(self, conclusion: Finished, events: list[object]) -> None:
         self.outcome = str(conclusion.outcome)
@@ -35,17 +35,17 @@ class Ran:
         self.messages = self.of(Message)
 
     def of(self, kind: type) -> list:
-        """The events of one kind."""
+        """Return the events of one kind."""
         return [event for event in self.events if isinstance(event, kind)]
 
     def told(self, *severities: str) -> list[tuple[str, str]]:
-        """Title and detail of the messages that weigh so much."""
+        """Return title and detail of the messages with these severities."""
         return [(m.title, m.detail) for m in self.messages if m.severity in severities]
 
 
 @pytest.fixture
 def run(tmp_path: Path):
-    """Run a script, given by its path or its text, as a worker does."""
+    """Return a function that runs a script as a worker does."""
 
     def carry_out(script: Path | str | bytes, param: str = "", **more: Any) -> Ran:
         if isinstance(script, Path):
@@ -70,7 +70,7 @@ def run(tmp_path: Path):
 
 
 def body(statements: str) -> str:
-    """A script with these statements in ``run``, from line 2 on, and a report in ``tearDown``."""
+    """Return a script with these statements in ``run``, from line 2 on, and a report in ``tearDown``."""
     return (
         f"function TestCase.run()\n{statements}\nend\n"
         "function TestCase.tearDown() robottestingframework.testReport('down') end"
@@ -78,7 +78,7 @@ def body(statements: str) -> str:
 
 
 def test_a_script_of_the_cpp_framework_runs_unchanged(run: Callable[..., Ran]):
-    """With every function it may call, on the titles the C++ framework gave them, and lines of the script."""
+    """Every function works, with the C++ framework's titles, and lines of the script."""
     ran = run(DATA / "classic.lua", "--joints 3 'x'", environment="--robotname icubSim")
     assert ran.told("failure") == [
         ("checks", "wrong sums"),
@@ -102,7 +102,7 @@ def test_a_script_of_the_cpp_framework_runs_unchanged(run: Callable[..., Ran]):
     [("true", True), ("1", True), ("0", True), ("''", True), ("false", False), ("nil", False), ("", False)],
 )
 def test_lua_truth_decides_over_setup(run: Callable[..., Ran], result: str, good: bool):
-    """0 and the empty text are true; nil, and so returning nothing, is not. tearDown runs anyway."""
+    """The result of setup counts by Lua's truth: nil and false fail; tearDown runs anyway."""
     ran = run(f"function TestCase.setup() return {result} end\n{body('')}")
     assert ("passed" if good else "error") == ran.outcome
     assert ran.told("info") == [("reports", "down")]
@@ -113,7 +113,7 @@ def test_lua_truth_decides_over_setup(run: Callable[..., Ran], result: str, good
     ("condition", "holds"), [("nil", False), ("false", False), ("0", True), ("'x'", True), ("{}", True)]
 )
 def test_conditions_that_are_no_booleans_follow_lua_truth(run: Callable[..., Ran], condition: str, holds: bool):
-    """The C++ framework passed them over in silence."""
+    """Conditions count by Lua's truth; the C++ framework ignored such checks."""
     ran = run(
         body(f"robottestingframework.testCheck({condition}, 'a')\nrobottestingframework.testFailIf({condition}, 'b')")
     )
@@ -123,7 +123,7 @@ def test_conditions_that_are_no_booleans_follow_lua_truth(run: Callable[..., Ran
 
 
 def test_messages_are_no_format_strings(run: Callable[..., Ran]):
-    """Percent signs stay what they are, and bytes that are no UTF-8 do no harm."""
+    """Percent signs and invalid UTF-8 in messages do no harm."""
     ran = run(body("robottestingframework.testReport('%d %s %n \\xff \\u{e9}')\nerror('100%d')"))
     assert ("reports", "%d %s %n � é") in ran.told("info")
     assert ran.told("error") == [("exception", "LuaError: script.lua:3: 100%d")]
@@ -149,7 +149,7 @@ def test_messages_are_no_format_strings(run: Callable[..., Ran]):
 def test_what_ends_a_test_says_what_it_is_and_where(
     run: Callable[..., Ran], statement: str, outcome: str, title: str, detail: str
 ):
-    """With file and line of the script; tearDown runs all the same."""
+    """Each way to end a test has its verdict, title and line; tearDown runs."""
     ran = run(body(statement))
     problem = next(m for m in ran.messages if m.title == title)
     assert detail in problem.detail
@@ -158,7 +158,7 @@ def test_what_ends_a_test_says_what_it_is_and_where(
 
 
 def test_an_error_carries_the_traceback_of_lua(run: Callable[..., Ran]):
-    """And the line of the script, as Python shows its own."""
+    """An error has Lua's traceback, and the line of the script."""
     ran = run("local function inner()\n  error('deep')\nend\n" + body("inner()\nreturn 1"))
     (problem,) = [m for m in ran.messages if m.severity == "error"]
     assert "stack traceback:" in problem.traceback
@@ -171,14 +171,14 @@ def test_an_error_carries_the_traceback_of_lua(run: Callable[..., Ran]):
 
 @pytest.mark.parametrize("name", ["setup", "run", "tearDown"])
 def test_an_error_anywhere_is_an_error_of_the_test(run: Callable[..., Ran], name: str):
-    """In each of the three functions."""
+    """An error in setup, run or tearDown is an error of the test."""
     ran = run(f"TestCase.run = function() end\nTestCase.{name} = function() error('x') end")
     assert ran.told("error") == [("exception", "LuaError: script.lua:2: x")]
     assert ran.outcome == "error"
 
 
 def test_pcall_catches_an_assertion_as_it_always_did(run: Callable[..., Ran]):
-    """And passed on it is still the assertion it was."""
+    """An assertion can be caught by pcall, and stays an assertion when it is raised again."""
     caught = run(
         body(
             "local ok, e = pcall(robottestingframework.assertFail, 'no')\n"
@@ -193,7 +193,7 @@ def test_pcall_catches_an_assertion_as_it_always_did(run: Callable[..., Ran]):
 
 
 def test_an_assertion_crosses_coroutines(run: Callable[..., Ran]):
-    """``coroutine.wrap`` passes on what is raised in it."""
+    """An assertion in a coroutine ends the test."""
     ran = run(body("coroutine.wrap(function() robottestingframework.assertFail('no') end)()"))
     assert ran.outcome == "failed"
 
@@ -212,7 +212,7 @@ def test_an_assertion_crosses_coroutines(run: Callable[..., Ran]):
 def test_what_is_wrong_with_a_script_is_said_when_it_is_loaded(
     run: Callable[..., Ran], script: str, part: str, line: int | None
 ):
-    """As an error of the test, at the script's line."""
+    """An error while a script is loaded is an error of the test, with its line."""
     ran = run(script)
     (problem,) = [m for m in ran.messages if m.severity == "error"]
     assert part in problem.detail
@@ -221,13 +221,13 @@ def test_what_is_wrong_with_a_script_is_said_when_it_is_loaded(
 
 
 def test_a_first_line_for_the_shell_is_passed_over(run: Callable[..., Ran]):
-    """And a byte order mark."""
+    """A shebang line and a byte order mark are ignored."""
     assert run("#!/usr/bin/lua\n" + body("")).outcome == "passed"
     assert run("\ufeff" + body("")).outcome == "passed"
 
 
 def test_measurements_progress_and_skips_are_ours(run: Callable[..., Ran]):
-    """Beyond the C++ framework, under the same roof."""
+    """Measurements and progress are available beyond the C++ framework."""
     ran = run(
         body("robottestingframework.progress(0.5, 'half')\nrobottestingframework.measure('angle', 12, 'deg', 0, 10)")
     )
@@ -247,7 +247,7 @@ def test_measurements_progress_and_skips_are_ours(run: Callable[..., Ran]):
 
 
 def test_python_is_out_of_reach(run: Callable[..., Ran]):
-    """Neither the bridge's module nor the attributes of what is passed in."""
+    """A script can reach neither Python's modules nor attributes of Python's objects."""
     ran = run(
         body("""
         assert(python == nil and not pcall(require, "python") and package.loaded.python == nil)
@@ -262,25 +262,25 @@ def test_python_is_out_of_reach(run: Callable[..., Ran]):
 
 
 def test_the_standard_libraries_are_open_and_neighbours_can_be_required(run: Callable[..., Ran], tmp_path: Path):
-    """As in the C++ framework; modules beside the script are found too."""
+    """A script has Lua's libraries, and modules beside it."""
     (tmp_path / "neighbour.lua").write_text("return {answer = 42}")
     assert run(body("assert(require('neighbour').answer == 42 and io and os and debug and string)")).outcome == "passed"
 
 
 def test_each_test_has_an_interpreter_of_its_own(run: Callable[..., Ran]):
-    """Globals of one are not seen by the next."""
+    """Globals of one test do not exist in the next."""
     run("leak = 1\n" + body(""))
     assert run(body("assert(leak == nil)")).outcome == "passed"
 
 
 def test_output_of_print_is_not_lost(run: Callable[..., Ran], capfd: pytest.CaptureFixture[str]):
-    """It leaves Lua's buffer before the process may end without it."""
+    """Output of print and io.write is captured."""
     run(body("print('printed')\nio.write('written')"))
     assert capfd.readouterr().out == "printed\nwritten"
 
 
 def test_without_lupa_the_hint_is_said(run: Callable[..., Ran], monkeypatch: pytest.MonkeyPatch):
-    """The line to type stands in the error."""
+    """Without lupa the error names the command that installs it."""
     monkeypatch.setitem(sys.modules, "lupa", None)
     ran = run(DATA / "classic.lua")
     assert "pip install 'rtf[lua]'" in ran.told("error")[0][1]
@@ -301,7 +301,7 @@ def test_without_lupa_the_hint_is_said(run: Callable[..., Ran], monkeypatch: pyt
     ],
 )
 def test_a_stop_comes_through_a_loop_that_never_ends(tmp_path: Path, loop: str):
-    """However often it is caught; tearDown runs."""
+    """A stop ends an endless loop, also if the script catches errors; tearDown runs."""
     script = tmp_path / "loop.lua"
     script.write_text(body(f"print('ready')\n{loop}"))
     command = [sys.executable, DATA / "stoppable.py", "lua", script, tmp_path / "files", tmp_path / "events"]

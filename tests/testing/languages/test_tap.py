@@ -1,4 +1,4 @@
-"""The Test Anything Protocol, versions 12 to 14: what a stream means, and that no stream does harm."""
+"""The Test Anything Protocol, versions 12 to 14: valid streams, and any others."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ NESTED = (Path(__file__).parents[2] / "data" / "plugins" / "nested.tap").read_te
 
 
 def parse(text: str, *, cut_off: bool = False) -> list[Item]:
-    """All items of a whole stream."""
+    """Return all items of a stream."""
     parser = TapParser()
     items = [item for line in text.splitlines() for item in parser.feed(line)]
     return items + parser.finish(cut_off=cut_off)
 
 
 def points(text: str) -> list[Point]:
-    """The test points of a stream that must have no faults."""
+    """Return the points of a stream without faults."""
     items = parse(text)
     assert [item for item in items if isinstance(item, Fault)] == []
     return [item for item in items if isinstance(item, Point)]
 
 
 def faults(text: str) -> list[str]:
-    """What a stream breaks."""
+    """Return the faults of a stream."""
     return [item.text for item in parse(text) if isinstance(item, Fault)]
 
 
@@ -70,30 +70,30 @@ def faults(text: str) -> list[str]:
     ],
 )
 def test_a_test_point_has_number_description_and_directive(line: str, expected: Point):
-    """All of them but the word itself may be missing."""
+    """Number, description and directive of a point are optional."""
     assert [expected] == points(f"{line}\n1..1")
 
 
 @pytest.mark.parametrize("line", ["okay 1", "Ok 1", "nok 1", "not  ok 1", " ok 1", "# ok 1", "x ok 1", "not", "o"])
 def test_what_is_no_test_point_is_passed_over(line: str):
-    """Programs may print anything between the lines of the protocol."""
+    """Other lines are ignored."""
     assert [item for item in parse(f"1..0\n{line}") if isinstance(item, Point | Fault)] == []
 
 
 def test_points_that_are_todo_or_skipped_do_not_fail():
-    """A failing TODO or SKIP point is no failure."""
+    """A failing point with TODO or SKIP is no failure."""
     assert [p.failed for p in points("1..3\nnot ok # TODO\nnot ok # SKIP\nnot ok")] == [False, False, True]
 
 
 def test_a_line_end_of_windows_is_no_part_of_the_line():
-    """CR LF ends a line too."""
+    """Lines may end with CR LF."""
     parser = TapParser()
     items = [*parser.feed("1..1\r\n"), *parser.feed("ok 1 - a\r\n"), *parser.finish()]
     assert [Point(True, 1, "a")] == items
 
 
 def test_a_yaml_block_belongs_to_the_point_before_it():
-    """Its text is kept without the indentation."""
+    """A YAML block belongs to the point before it, and its indentation is removed."""
     text = "TAP version 13\nnot ok 1 - a\n  ---\n  message: bad\n  data:\n    got: 1\n  ...\n# next\n1..1"
     items = parse(text)
     assert Point(False, 1, "a", block="message: bad\ndata:\n  got: 1") == items[0]
@@ -101,12 +101,12 @@ def test_a_yaml_block_belongs_to_the_point_before_it():
 
 
 def test_a_yaml_block_that_never_ends_does_not_swallow_the_stream():
-    """A line that is not indented ends it."""
+    """A line without indentation ends a YAML block."""
     assert [Point(False, 1, block="a: b"), Point(True, 2)] == points("1..2\nnot ok 1\n  ---\n  a: b\nok 2")
 
 
 def test_a_point_inside_a_yaml_block_is_text():
-    """Nobody reads protocol lines in a block."""
+    """Lines of the protocol within a YAML block are text."""
     assert [Point(True, 1, block="ok 2\n  ok 3")] == points("1..1\nok 1\n  ---\n  ok 2\n    ok 3\n  ...")
 
 
@@ -115,7 +115,7 @@ def test_a_point_inside_a_yaml_block_is_text():
 
 @pytest.mark.parametrize("text", ["1..2\nok\nok", "ok\nok\n1..2", "# hello\n1..2\nok 2\nok 1"])
 def test_the_plan_stands_first_or_last(text: str):
-    """Comments do not count, nor does the order of the numbers."""
+    """The plan is before or after the points, comments apart; points may be in any order."""
     assert faults(text) == []
 
 
@@ -137,24 +137,24 @@ def test_the_plan_stands_first_or_last(text: str):
     ],
 )
 def test_a_plan_that_is_not_kept_is_a_fault(text: str, part: str):
-    """So a program that dies in the middle cannot pass."""
+    """A missing plan or point is a fault, so that a program that dies does not pass."""
     assert any(part in fault for fault in faults(text)), faults(text)
 
 
 def test_a_plan_of_nothing_skips_everything():
-    """``1..0`` with or without a reason."""
+    """``1..0`` skips the test, with or without a reason."""
     assert [SkippedAll("no robot")] == parse("1..0 # SKIP no robot")
     assert [SkippedAll("no robot")] == parse("1..0 # no robot")
     assert [SkippedAll("")] == parse("1..0")
 
 
 def test_a_program_that_was_cut_off_broke_no_plan():
-    """The missing points are a consequence of the crash, which is told anyway."""
+    """Missing points of a stream that was cut off are no fault, because the crash is reported."""
     assert [Point(True, 1)] == parse("1..3\nok 1", cut_off=True)
 
 
 def test_nothing_counts_after_bailing_out():
-    """Neither test points nor the plan."""
+    """Lines after a bail-out are ignored."""
     assert [Point(True, 1), BailOut("on fire")] == parse("1..3\nok 1\nBail out! on fire\nnot ok 2")
 
 
@@ -162,7 +162,7 @@ def test_nothing_counts_after_bailing_out():
 
 
 def test_a_subtest_is_a_document_of_its_own():
-    """Its points carry its name and come before the point of the parent; its YAML block is indented with it."""
+    """Points of a subtest have its name in their path, and come before its point."""
     items = parse(NESTED)
     block = "message: stuck\nfile: 'arm.c'\nline: 42"
     assert [
@@ -177,27 +177,27 @@ def test_a_subtest_is_a_document_of_its_own():
 
 
 def test_bare_subtests_may_nest_at_once():
-    """In version 14 the indentation alone is enough."""
+    """In version 14 indentation alone begins subtests, also several at once."""
     text = "TAP version 14\n        ok 1 - a\n        1..1\n    ok 1 - b\n    1..1\nok 1 - c\n1..1"
     assert [point.path for point in points(text)] == [("subtest 1", "subtest 1"), ("subtest 1",), ()]
 
 
 def test_older_streams_need_the_comment_for_a_subtest():
-    """Else the indented lines are any output, as version 13 has it."""
+    """Before version 14 indented lines are a subtest only after its comment."""
     assert [Point(True, 1)] == points("1..1\n    not ok 1\nok 1")
     announced = points("1..1\n    # Subtest: x\n    ok 1\n    1..1\nok 1 - x")
     assert [point.path for point in announced] == [("x",), ()]
 
 
 def test_the_parent_has_the_last_word_on_a_subtest():
-    """Failures below a TODO point are expected, and faults below it are mere remarks."""
+    """Failures and faults in a subtest with TODO do not fail."""
     text = "TAP version 14\n1..1\n    not ok 1 - a\n        not ok 1 - b\n    1..7\nnot ok 1 # TODO later"
     assert not any(getattr(item, "failed", False) for item in parse(text))
 
 
 @pytest.mark.parametrize("end", ["ok 1", "1..1", "Bail out!", "", "# Subtest: y\n    1..0\nok 1"])
 def test_a_failure_in_a_subtest_is_never_lost(end: str):
-    """Whatever the parent says, and when it says nothing."""
+    """A failed point in a subtest is reported, whatever follows."""
     items = parse(f"TAP version 14\n# Subtest: x\n    not ok 1 - a\n{end}")
     assert Point(False, 1, "a", path=("x",)) in items
     assert Point(False, 1, "a", path=("x",)) in parse(
@@ -206,7 +206,7 @@ def test_a_failure_in_a_subtest_is_never_lost(end: str):
 
 
 def test_a_subtest_keeps_its_own_plan():
-    """A broken one is told with the subtest's name."""
+    """A broken plan of a subtest is a fault with its name."""
     items = parse("TAP version 14\n1..1\n# Subtest: x\n    1..2\n    ok 1\nok 1 - x")
     assert Fault("2 test points planned, 1 came; missing: 2", ("x",)) in items
 
@@ -232,13 +232,13 @@ def test_a_subtest_keeps_its_own_plan():
     ],
 )
 def test_the_first_line_tells_whether_a_program_speaks_tap(line: str, expected: bool):
-    """The bare word ``ok`` does not: many programs say so."""
+    """A stream is TAP by its first line; the word ``ok`` alone is not."""
     assert expected is looks_like_tap(line)
 
 
 @given(st.lists(st.tuples(st.booleans(), st.text("abc #\\", max_size=8)), max_size=20), st.booleans())
 def test_what_is_written_is_read(rows: list[tuple[bool, str]], plan_first: bool):
-    """Every point of a well-formed stream comes back, with its description escaped and trimmed."""
+    """Each point of a valid stream is read with its description, unescaped and trimmed."""
     escaped = [text.replace("\\", "\\\\").replace("#", "\\#") for _, text in rows]
     lines = [
         f"{'' if ok else 'not '}ok {n} - {text}" for n, ((ok, _), text) in enumerate(zip(rows, escaped, strict=True), 1)
@@ -250,7 +250,7 @@ def test_what_is_written_is_read(rows: list[tuple[bool, str]], plan_first: bool)
 
 @given(st.text())
 def test_no_text_is_too_strange(text: str):
-    """The parser never raises; without a plan a stream never passes."""
+    """Any text is parsed without an exception, and does not pass without a plan."""
     items = parse(text)
     assert any(isinstance(item, Fault | SkippedAll | BailOut) or getattr(item, "failed", False) for item in items) or (
         "1.." in text
@@ -259,7 +259,7 @@ def test_no_text_is_too_strange(text: str):
 
 @given(st.lists(st.sampled_from(NESTED.splitlines()), max_size=30))
 def test_a_failed_point_at_the_surface_is_always_told(lines: list[str]):
-    """However the lines of a stream are mixed."""
+    """A failed point at the top level is reported in any mix of lines."""
     items = parse("\n".join(lines))
     surface = [line for line in lines if line.startswith("not ok 2")]
     told = [item for item in items if isinstance(item, Point) and item.description == "left arm" and item.failed]
@@ -267,7 +267,7 @@ def test_a_failed_point_at_the_surface_is_always_told(lines: list[str]):
 
 
 def test_a_long_stream_is_bounded():
-    """Points beyond the limit are only counted, but a failure among them is told; blocks are cut."""
+    """Points beyond the limit are counted, a failure among them is reported, and blocks are cut."""
     parser = TapParser()
     count = sum(len(parser.feed("ok")) for _ in range(MAX_POINTS + 1000))
     count += len(parser.feed("not ok"))
@@ -280,7 +280,7 @@ def test_a_long_stream_is_bounded():
 
 
 def test_faults_are_bounded_too():
-    """A program that breaks the protocol for ever is told so a thousand times."""
+    """At most a thousand faults are reported."""
     parser = TapParser()
     parser.feed("1..1")
     assert sum(len(parser.feed("1..1")) for _ in range(5000)) == 1000
@@ -288,7 +288,7 @@ def test_faults_are_bounded_too():
 
 @pytest.mark.fuzz
 def test_mutated_streams_do_no_harm():
-    """25 000 damaged streams within 5 seconds of work: items or nothing, never an exception."""
+    """25 000 damaged streams are parsed without an exception, in bounded time."""
     chance = random.Random(14)
     seeds = [
         "1..2\nok 1 - a # SKIP\nnot ok 2",

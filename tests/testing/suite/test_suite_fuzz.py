@@ -1,4 +1,4 @@
-"""A hundred thousand damaged suite files: none crashes the loader, none hangs it."""
+"""Many damaged suite files: none crashes or hangs the loader."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def mutate(data: bytes, choose: Callable[[], float]) -> bytes:
 
 @pytest.mark.fuzz
 def test_damaged_files_are_told_apart_from_sound_ones_and_nothing_else_happens(tmp_path: Path):
-    """There is a suite, or there is an error; never an exception, and the same input gives the same answer."""
+    """A damaged file gives a suite or an error, never an exception, and always the same."""
     choose = random.Random(SEED).random
     file = str(tmp_path / "s.xml")
     suites = 0

@@ -1,4 +1,4 @@
-"""The suites that are in use on the iCub load with the tests, the order and the parameters they have there."""
+"""The iCub's suites of the C++ framework load with their tests, order and parameters."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ DRIFT_PARTS = ("left_arm", "right_arm", "left_leg", "right_leg", "torso")
 
 
 def runs(plugin: str, *files: str) -> list[tuple[str, str]]:
-    """One test of a plug-in for each parameter file."""
+    """Return a test of a plug-in for each parameter file."""
     return [(plugin, f"--from {file}.ini") for file in files]
 
 
 def per_part(plugin: str, prefix: str, parts: Iterable[str] = PARTS) -> list[tuple[str, str]]:
-    """One test of a plug-in for each part of the robot."""
+    """Return a test of a plug-in for each part of the robot."""
     return runs(plugin, *(f"{prefix}_{part}" for part in parts))
 
 
@@ -129,13 +129,13 @@ FIXTURES = {
 
 
 def test_every_sample_is_listed_here():
-    """No sample is there without being checked."""
+    """Every sample is checked."""
     assert set(SUITES) == {path.relative_to(FOLDER).as_posix() for path in FOLDER.rglob("*.xml")}
 
 
 @pytest.mark.parametrize("file", SUITES)
 def test_a_suite_in_use_loads_as_it_is(file: str):
-    """Name, environment, fixture, and every test with its parameters, in order."""
+    """A suite has its name, environment, fixture, and tests with parameters, in order."""
     name, environment, tests = SUITES[file]
     suite = load_suite(FOLDER / file).suite
     assert name == suite.name
@@ -147,14 +147,14 @@ def test_a_suite_in_use_loads_as_it_is(file: str):
 
 @pytest.mark.parametrize("file", SUITES)
 def test_only_the_files_with_dashes_in_comments_are_warned_about(file: str):
-    """Eight files are not well formed for a strict parser; the others have nothing to complain about."""
+    """Only files with double dashes in comments give a warning."""
     messages = [diagnostic.text for diagnostic in load_suite(FOLDER / file).diagnostics]
     assert (file in DASHES_IN_COMMENTS) == (len(messages) == 1)
     assert all("contains '--'" in message for message in messages)
 
 
 def test_tests_of_one_plugin_are_told_apart_by_their_file():
-    """Reports need a name for each."""
+    """Tests of one plug-in have their parameter file in name and id."""
     suite = load_suite(FOLDER / "jointsLimits_robotCan.xml").suite
     assert [f"JointLimits [joint_limits_{part}]" for part in PARTS] == [test.name for test in suite.tests]
     assert suite.tests[0].id == "motor-control-suite/JointLimits[joint_limits_right_arm]"

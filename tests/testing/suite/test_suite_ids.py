@@ -1,4 +1,4 @@
-"""Ids of tests: made from what a test is, the same whatever stands beside it, and words for ``-k``."""
+"""Ids of tests: made of plug-in and parameters, independent of other tests, and words for ``-k``."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Entry = tuple[str, str, str]
 
 
 def ids_of(entries: list[Entry]) -> list[str]:
-    """The ids in a suite of these tests."""
+    """Return the ids in a suite of these tests."""
     tests = ""
     for plugin, param, part in entries:
         parameter = f'<parameter name="part">{part}</parameter>' if part else ""
@@ -35,7 +35,7 @@ def ids_of(entries: list[Entry]) -> list[str]:
 
 
 def label_of(entry: Entry) -> str:
-    """What the id of a test is made from."""
+    """Return the label of a test."""
     plugin, param, part = entry
     return label_of_plugin(plugin, param, [("part", part)] if part else [])
 
@@ -43,7 +43,7 @@ def label_of(entry: Entry) -> str:
 @settings(deadline=None)
 @given(st.lists(ENTRIES, unique_by=label_of, max_size=6), st.data())
 def test_id_stays_when_other_tests_come_and_go(entries: list[Entry], data: st.DataObject):
-    """In any order and any part of a suite, each test has the id that it had."""
+    """A test has the same id in any order and any part of a suite."""
     before = dict(zip(entries, ids_of(entries), strict=True))
     others = data.draw(st.permutations(entries))[: data.draw(st.integers(0, len(entries)))]
     assert ids_of(others) == [before[entry] for entry in others]
@@ -52,7 +52,7 @@ def test_id_stays_when_other_tests_come_and_go(entries: list[Entry], data: st.Da
 @settings(deadline=None)
 @given(st.lists(ENTRIES, max_size=8))
 def test_id_is_unique_and_a_word_for_k(entries: list[Entry]):
-    """No two tests share one; our runner and pytest read it as one word; it is harmless in links and file names."""
+    """Ids are unique, and one word for ``-k`` of this runner and of pytest."""
     ids = ids_of(entries)
     assert len({*ids}) == len(ids)
     for test in ids:
@@ -78,12 +78,12 @@ def test_id_is_unique_and_a_word_for_k(entries: list[Entry]):
     ],
 )
 def test_label_is_made_of_plugin_and_parameters(plugin, param, parameters, variant, label):
-    """Short and readable; where not every character is fit for it, a digest keeps it apart from others."""
+    """A label is short and readable; a digest replaces what does not fit."""
     assert label_of_plugin(plugin, param, parameters, variant) == label
 
 
 def test_only_the_same_test_is_numbered():
-    """A test with the label of another one gets a digest instead, which does not depend on the order."""
+    """Equal tests are numbered; a different test with the same label gets a digest."""
     one, other = TestIds("s"), TestIds("s")
     assert [one.unique("Nod", "a"), one.unique("Nod", "a"), one.unique("Nod", "b")][:2] == ["s/Nod", "s/Nod+2"]
     third = one.unique("Nod", "b")
@@ -92,7 +92,7 @@ def test_only_the_same_test_is_numbered():
 
 
 def test_suites_of_one_name_are_told_apart_by_their_files():
-    """As long as those differ."""
+    """Suites of one name have their file's name in the id, or a number if that is the same."""
     names = NameBook("+")
     told = [suite_id("Arm", file, names) for file in ("lab/arm.xml", "lab/second.xml", "lab/second.xml", "")]
     assert told == ["arm", "arm[second]", "arm+2", "arm+3"]
@@ -108,7 +108,7 @@ def test_suites_of_one_name_are_told_apart_by_their_files():
     ],
 )
 def test_id_of_an_older_version_has_its_successor(old: str, name: str, new: str):
-    """Older versions made ids of the name, in lower case, and numbered them in the order of the file."""
+    """An id of an older version is translated into the present one, and back."""
     assert renewed(old, "s", name) == new
     assert former(new) == old
     assert label_of_name(name) == new.removeprefix("s/").removesuffix("+2") or name == "renamed by the test"

@@ -1,4 +1,4 @@
-"""The suite model: consistent by construction, ids that stay what they are."""
+"""The suite model: consistent when it is made, with stable ids."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ from rtf.testing.suite.values import parse_duration, parse_integer, plugin_stem,
 
 
 def entry(name: str, **more: object) -> TestEntry:
-    """A test of the suite below."""
+    """Return a test of the suite."""
     return TestEntry(id=f"s/{name}", name=name, plugin="P", **more)
 
 
 def suite(**more: object) -> TestSuite:
-    """A suite called S."""
+    """Return a suite called S."""
     return TestSuite(id="s", name="S", **more)
 
 
 def test_a_test_has_the_documented_defaults():
-    """Only id, name and plug-in have to be said."""
+    """A test needs id, name and plug-in only."""
     test = TestEntry(id="s/a", name="a", plugin="A")
     assert (0, 0, Isolation.TEST, Expected.PASS, LostPolicy.RERUN, None, Timeouts()) == (
         test.repetition,
@@ -50,7 +50,7 @@ def test_a_test_has_the_documented_defaults():
 
 
 def test_a_fixture_has_the_documented_defaults():
-    """Three restarts, half a second of back-off, a look every half second."""
+    """A fixture has three restarts, and half a second of back-off and check period."""
     fixture = FixtureEntry(name="f", plugin="F")
     assert (
         fixture.restarts,
@@ -62,19 +62,19 @@ def test_a_fixture_has_the_documented_defaults():
 
 
 def test_two_tests_with_one_id_are_refused():
-    """An id names one test."""
+    """Two tests with one id are refused."""
     with pytest.raises(SuiteError, match="two tests with the id 's/a'"):
         suite(tests=(entry("a"), entry("a")))
 
 
 def test_two_fixtures_with_one_name_are_refused():
-    """A fixture's name is unique in the suite."""
+    """Two fixtures with one name are refused."""
     with pytest.raises(SuiteError, match="two fixtures named 'f'"):
         suite(fixtures=(FixtureEntry(name="f", plugin="F"), FixtureEntry(name="f", plugin="G")))
 
 
 def test_a_fixture_stands_behind_what_it_depends_on():
-    """Fixtures are in starting order, so a runner starts them as they come."""
+    """A fixture before one that it depends on is refused."""
     one, two = FixtureEntry(name="one", plugin="F"), FixtureEntry(name="two", plugin="F", depends=("one",))
     assert (one, two) == suite(fixtures=(one, two)).fixtures
     with pytest.raises(SuiteError, match="'one', which does not stand before it"):
@@ -82,19 +82,19 @@ def test_a_fixture_stands_behind_what_it_depends_on():
 
 
 def test_a_test_names_fixtures_of_its_suite():
-    """A fixture nobody defined cannot be needed."""
+    """A test with an unknown fixture is refused."""
     with pytest.raises(SuiteError, match=r"test 's/a'.*'robot'"):
         suite(tests=(entry("a", fixtures=("robot",)),))
 
 
 def test_suite_errors_are_errors_of_the_framework_and_value_errors():
-    """Callers may catch either."""
+    """SuiteError is an RtfError and a ValueError."""
     assert issubclass(SuiteError, RtfError)
     assert issubclass(SuiteError, ValueError)
 
 
 def test_the_fixtures_of_a_test_include_what_those_depend_on():
-    """A test that needs the robot needs the simulator under it, but not the camera beside it."""
+    """The fixtures of a test include those that its fixtures depend on, and no others."""
     fixtures = (
         FixtureEntry(name="simulator", plugin="F"),
         FixtureEntry(name="camera", plugin="F", depends=("simulator",)),
@@ -107,14 +107,14 @@ def test_the_fixtures_of_a_test_include_what_those_depend_on():
 
 
 def test_timeouts_fall_back_one_by_one():
-    """A test that sets one limit keeps the suite's others."""
+    """A limit that a test does not set is that of the suite."""
     test = entry("a", timeouts=Timeouts(run=5))
     whole = suite(timeouts=Timeouts(setup=1, run=2), tests=(test,))
     assert Timeouts(setup=1, run=5) == whole.timeouts_of(test)
 
 
 def test_suites_of_one_name_are_numbered_and_their_tests_follow():
-    """In one run no two suites share an id; requirements keep naming the same tests."""
+    """Suites of one name are numbered in a run, with the ids and requirements of their tests."""
     tests = (entry("a"), entry("b", requires=("test:s/a", "env:HOME", "test:other/x")))
     first, second, third = number_suites([suite(tests=tests)] * 3)
     assert (first.id, second.id, third.id) == ("s", "s+2", "s+3")
@@ -136,13 +136,13 @@ def test_suites_of_one_name_are_numbered_and_their_tests_follow():
     ],
 )
 def test_ids_are_link_friendly(name: str, expected: str):
-    """What reaches an id is harmless in a link and in a file name."""
+    """An id has only characters that are harmless in links and file names."""
     assert expected == suite_id_of(name)
 
 
 @given(st.text())
 def test_any_name_gives_a_usable_slug(name: str):
-    """Not empty, lower case, of harmless characters, and a slug of a slug is itself."""
+    """A slug of any text is a non-empty word of harmless characters, and its own slug."""
     made = slug(name, "x")
     assert made.isascii()
     assert 0 < len(made) <= 100
@@ -153,7 +153,7 @@ def test_any_name_gives_a_usable_slug(name: str):
 
 @given(st.lists(st.sampled_from(["a", "b", "a~2"])), st.sets(st.sampled_from(["a", "a~2", "a~3"])))
 def test_a_name_book_never_repeats_itself(names: list[str], reserved: set[str]):
-    """Whatever is asked for and whatever is kept back."""
+    """A name book returns each name once, and no reserved one."""
     book = NameBook()
     for name in reserved:
         book.reserve(name)
@@ -176,7 +176,7 @@ def test_a_name_book_never_repeats_itself(names: list[str], reserved: set[str]):
     ],
 )
 def test_the_stem_of_a_plugin_is_its_name_without_folder_and_ending(plugin: str, stem: str):
-    """Reports name a test by it."""
+    """The stem of a plug-in has no folder and no suffix."""
     assert stem == plugin_stem(plugin)
 
 
@@ -185,33 +185,33 @@ def test_the_stem_of_a_plugin_is_its_name_without_folder_and_ending(plugin: str,
     [("20", 20), ("1.5", 1.5), (".5", 0.5), ("200ms", 0.2), ("3 min", 180), ("1h", 3600), (" 7 s ", 7)],
 )
 def test_durations_are_seconds_unless_a_unit_says_otherwise(text: str, seconds: float):
-    """All units come out as seconds."""
+    """Durations with and without units are read as seconds."""
     assert seconds == pytest.approx(parse_duration(text, 0.001, 1e6))
 
 
 @pytest.mark.parametrize("text", ["", "x", "1e3", "-1", "nan", "inf", "1 day", "1,5", "٣", "1_000", "0", "999h"])
 def test_what_is_no_duration_or_out_of_range_is_refused(text: str):
-    """The message tells the range."""
+    """The error about an invalid duration has the range."""
     with pytest.raises(ValueError, match=r"from 0.001 s to 3600 s"):
         parse_duration(text, 0.001, 3600)
 
 
 @pytest.mark.parametrize("text", ["", "1.0", "1e3", "-1", "11", "٣", "1_0", "0x1"])
 def test_what_is_no_whole_number_or_out_of_range_is_refused(text: str):
-    """The message tells the range."""
+    """The error about an invalid number has the range."""
     with pytest.raises(ValueError, match="from 0 to 10"):
         parse_integer(text, 0, 10)
 
 
 @given(st.lists(st.text(st.characters(exclude_characters="\"'", exclude_categories=["Cs"]))))
 def test_words_in_quotes_come_back_as_they_were(words: list[str]):
-    """Quotes protect everything but themselves."""
+    """Quoted words are read unchanged."""
     assert tuple(words) == split_words(" ".join(f'"{word}"' for word in words))
 
 
 @given(st.text(alphabet="${}ab "), st.dictionaries(st.sampled_from(["a", "b"]), st.text(alphabet="${}ab ")))
 def test_substitution_leaves_unknown_names_and_does_not_look_into_values(text: str, bindings: dict[str, str]):
-    """Replacing every known name once gives the same as splitting the text at them."""
+    """Each known variable is replaced once; unknown ones stay, and values are not substituted."""
     expected = text
     for name in bindings:
         expected = expected.replace(f"${{{name}}}", f"\0{name}\0")

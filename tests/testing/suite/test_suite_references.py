@@ -1,4 +1,4 @@
-"""What refers to what: fixtures to fixtures, tests to fixtures and tests, files to files."""
+"""References in suites: of fixtures to fixtures, tests to fixtures and tests, and files to files."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ def load(text: str, file: str = "s.xml", **variables: str) -> LoadedSuite:
 
 
 def sound(body: str, attributes: str = 'name="S"', **variables: str) -> TestSuite:
-    """Load a suite that must have nothing wrong with it."""
+    """Load a suite that must have no problem."""
     loaded = load(f"<suite {attributes}>{body}</suite>", **variables)
     assert loaded.diagnostics == ()
     return loaded.suite
 
 
 def problems(body: str, attributes: str = 'name="S"') -> list[str]:
-    """What is said about a suite with this content."""
+    """Return the problems of a suite with this content."""
     return [str(diagnostic) for diagnostic in load(f"<suite {attributes}>{body}</suite>").diagnostics]
 
 
 def plugins(suite: TestSuite) -> list[str]:
-    """The plug-ins of a suite's tests, in order."""
+    """Return the plug-ins of the tests, in order."""
     return [test.plugin for test in suite.tests]
 
 
@@ -42,7 +42,7 @@ def plugins(suite: TestSuite) -> list[str]:
 
 
 def test_fixtures_without_names_are_named_after_their_plugins():
-    """And numbered, around names that are taken."""
+    """A fixture without a name is named after its plug-in, with a number if that is taken."""
     suite = sound(
         '<fixture>p.py</fixture><fixture>p</fixture><fixture name="q">p</fixture><fixture name="p~2">p</fixture>'
     )
@@ -50,7 +50,7 @@ def test_fixtures_without_names_are_named_after_their_plugins():
 
 
 def test_fixtures_start_in_file_order_as_far_as_they_depend():
-    """The order is stable."""
+    """Fixtures start in the order of the file, after those that they depend on."""
     suite = sound(
         '<fixture name="d" depends="b,a">F</fixture><fixture name="c">F</fixture><fixture name="b">F</fixture>'
         '<fixture name="a" depends="b">F</fixture>',
@@ -59,7 +59,7 @@ def test_fixtures_start_in_file_order_as_far_as_they_depend():
 
 
 def test_fixtures_in_a_circle_are_named():
-    """And those that wait for them are told apart."""
+    """Fixtures that depend on each other are an error with the circle; dependent ones are named apart."""
     loaded = load(
         '<suite name="S"><fixture name="a" depends="c">F</fixture><fixture name="b" depends="a">F</fixture>'
         '<fixture name="c" depends="b">F</fixture><fixture name="d" depends="c">F</fixture>'
@@ -87,7 +87,7 @@ def test_fixtures_in_a_circle_are_named():
     ],
 )
 def test_fixtures_that_cannot_be_used_are_errors(body: str, told: str):
-    """Each with what is wrong."""
+    """Each invalid fixture is an error with its reason."""
     assert any(told in problem for problem in problems(body))
 
 
@@ -95,7 +95,7 @@ def test_fixtures_that_cannot_be_used_are_errors(body: str, told: str):
 
 
 def test_a_required_test_may_be_named_by_id_or_by_name():
-    """A name that several tests share means all of them."""
+    """A requirement names a test by id or name; a shared name means all its tests."""
     suite = sound(
         '<test name="Left arm">A</test><test name="Left arm">A</test>'
         """<test requires="test:s/left-arm">B</test><test requires="test:Left-arm+2,test:other/x">C</test>"""
@@ -117,7 +117,7 @@ def test_a_required_test_may_be_named_by_id_or_by_name():
     ],
 )
 def test_a_test_cannot_require_what_does_not_stand_before_it(body: str):
-    """It could never run."""
+    """A requirement of a later or unknown test is an error."""
     (problem,) = problems(body)
     assert "which does not stand before it" in problem
 
@@ -126,14 +126,14 @@ def test_a_test_cannot_require_what_does_not_stand_before_it(body: str):
 
 
 def write(folder: Path, **files: str) -> Path:
-    """Put suite files into a folder."""
+    """Write suite files into a folder."""
     for name, text in files.items():
         (folder / f"{name}.xml").write_text(text, encoding="utf-8")
     return folder
 
 
 def test_an_include_stands_where_its_tests_run(tmp_path: Path):
-    """And a loop around it varies them."""
+    """The tests of an include run at its place; a loop around it varies them."""
     write(
         tmp_path,
         main='<suite name="M"><test>A</test><for name="p" in="x y"><include>arm.xml</include></for>'
@@ -146,7 +146,7 @@ def test_an_include_stands_where_its_tests_run(tmp_path: Path):
 
 
 def test_an_include_may_go_up_the_folders(tmp_path: Path):
-    """A folder of suites may share parts."""
+    """An include may name a file in a parent folder."""
     (tmp_path / "sub").mkdir()
     write(tmp_path, part='<suite name="P"><test>A</test></suite>')
     write(tmp_path / "sub", main='<suite name="M"><include>../part.xml</include></suite>')
@@ -157,13 +157,13 @@ def test_an_include_may_go_up_the_folders(tmp_path: Path):
     "target", ["", "/etc/passwd", "http://x/y.xml", "file:x.xml", "~/x.xml", "\\\\host\\x.xml", "C:x"]
 )
 def test_an_include_is_a_relative_path(target: str):
-    """Nothing is fetched, nothing depends on the machine."""
+    """An absolute path or URL in an include is an error."""
     (problem,) = problems(f"<include>{target}</include>")
     assert "error: an <include> cannot be" in problem
 
 
 def test_files_that_include_each_other_are_named(tmp_path: Path):
-    """The circle is shown."""
+    """Files that include each other are an error with the circle."""
     write(
         tmp_path,
         a='<suite name="A"><include>b.xml</include></suite>',
@@ -175,7 +175,7 @@ def test_files_that_include_each_other_are_named(tmp_path: Path):
 
 
 def test_what_is_wrong_with_an_included_file_is_told_with_its_own_place(tmp_path: Path):
-    """And a file that cannot be understood spoils the suite."""
+    """An error in an included file has its own place; a malformed file spoils the suite."""
     write(tmp_path, main='<suite name="M"><include>bad.xml</include></suite>', bad='<suite name="B">\n<test>A</suite>')
     loaded = load_suite(tmp_path / "main.xml")
     assert loaded.suite is None
@@ -183,7 +183,7 @@ def test_what_is_wrong_with_an_included_file_is_told_with_its_own_place(tmp_path
 
 
 def test_one_fixture_in_two_files_is_one_fixture_unless_they_differ(tmp_path: Path):
-    """What differs is named."""
+    """Equal fixtures of two files are one; differences are an error that names them."""
     write(
         tmp_path,
         main='<suite name="M"><fixture>f</fixture><include>same.xml</include><include>other.xml</include></suite>',
@@ -199,7 +199,7 @@ def test_one_fixture_in_two_files_is_one_fixture_unless_they_differ(tmp_path: Pa
 
 @pytest.mark.parametrize("target", ["none.xml", ".", "a\N{REPLACEMENT CHARACTER}"])
 def test_what_cannot_be_included_is_an_error(tmp_path: Path, target: str):
-    """Missing files, folders."""
+    """An include that cannot be read is an error, and the other tests stay."""
     write(tmp_path, main=f'<suite name="M"><include>{target}</include><test>A</test></suite>')
     loaded = load_suite(tmp_path / "main.xml")
     assert plugins(loaded.suite) == ["A"]
@@ -208,7 +208,7 @@ def test_what_cannot_be_included_is_an_error(tmp_path: Path, target: str):
 
 @given(st.lists(st.lists(st.integers(0, 9), max_size=3), max_size=10))
 def test_whatever_depends_on_whatever_the_order_is_sound_or_there_is_an_error(graph: list[list[int]]):
-    """Either every fixture is there, behind its dependencies, or something is said."""
+    """For any dependencies the suite has all fixtures in order, or an error."""
     body = "".join(
         f'<fixture name="f{index}" depends="{" ".join(f"f{other}" for other in others)}">F</fixture>'
         for index, others in enumerate(graph)

@@ -1,4 +1,4 @@
-"""Files that are broken, hostile or merely enormous are refused with their place, and nothing is ever fetched."""
+"""Broken, hostile and huge suite files are refused with their place, and nothing is fetched."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def refused(data: bytes | str) -> list[str]:
-    """Load what must not load, and give its errors."""
+    """Load a file that must be refused, and return its errors."""
     loaded = load_suite_bytes(data if isinstance(data, bytes) else data.encode(), "s.xml")
     assert loaded.suite is None
     assert loaded.errors
@@ -41,12 +41,12 @@ def refused(data: bytes | str) -> list[str]:
     ],
 )
 def test_malformed_xml_is_an_error_with_its_place(text: str, told: str):
-    """Line and column of what the parser stumbled over."""
+    """Malformed XML is an error with line and column."""
     assert told in refused(text)[0]
 
 
 def test_what_stands_before_the_malformed_place_is_checked_all_the_same():
-    """One round of fixing less; the half-read element is not judged."""
+    """Elements before the malformed place are checked, too."""
     messages = refused('<suite name="S">\n<test retries="x">A</test><test>B</suite>')
     assert len(messages) == 2
     assert "attribute 'retries'" in messages[0]
@@ -54,13 +54,13 @@ def test_what_stands_before_the_malformed_place_is_checked_all_the_same():
 
 @pytest.mark.parametrize("text", ["<application/>", "<html><body/></html>", "<suit name='S'/>"])
 def test_another_root_is_no_suite(text: str):
-    """The C++ framework said nothing."""
+    """A file with another root is no suite, and marked as foreign."""
     assert "this is not a test suite file: its root is <" in refused(text)[0]
     assert load_suite_bytes(text.encode(), "s.xml").foreign
 
 
 def test_the_root_of_old_versions_is_recognised():
-    """Before its version 2 the C++ framework wrote suit."""
+    """The error about the root ``suit`` of old versions names ``suite``."""
     assert "did you mean 'suite'?" in refused("<suit name='S'/>")[0]
 
 
@@ -73,7 +73,7 @@ def test_the_root_of_old_versions_is_recognised():
     ],
 )
 def test_a_bare_document_type_is_passed_over(doctype: str):
-    """It says nothing about the file and nothing is fetched."""
+    """A document type without declarations is ignored, and nothing is fetched."""
     loaded = load_suite_bytes(
         f'<?xml version="1.0"?>\n{doctype}<suite name="S"><test x="">A</test></suite>'.encode(), "s"
     )
@@ -91,18 +91,18 @@ def test_a_bare_document_type_is_passed_over(doctype: str):
     ],
 )
 def test_declarations_are_refused(text: str):
-    """Entities are the door to everything bad in XML."""
+    """A document type with declarations is refused."""
     assert "a document type with declarations in it" in refused(text)[0]
 
 
 def test_an_entity_behind_a_bare_document_type_is_no_loophole():
-    """With an outside document type, parsers may drop unknown entities silently; here it stays an error."""
+    """An undefined entity is an error, also with an external document type."""
     assert "undefined entity" in refused('<!DOCTYPE suite SYSTEM "x"><suite name="S"><test>A&b;</test></suite>')[0]
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "iso-8859-1", "windows-1252"])
 def test_encodings_that_files_have_are_read(encoding: str):
-    """By byte order mark or declaration."""
+    """Common encodings are read by byte order mark or declaration."""
     text = f'<?xml version="1.0" encoding="{encoding.removesuffix("-sig")}"?><suite name="Größe"/>'
     assert load_suite_bytes(text.encode(encoding), "s.xml").suite.name == "Größe"
 
@@ -116,36 +116,36 @@ def test_encodings_that_files_have_are_read(encoding: str):
     ],
 )
 def test_other_encodings_are_refused(data: bytes, told: str):
-    """With what to do."""
+    """An unsupported encoding is refused, with a hint to UTF-8."""
     (message,) = refused(data)
     assert told in message
     assert "UTF-8)" in message
 
 
 def test_a_file_beyond_the_size_limit_is_refused():
-    """Before anything is parsed."""
+    """A file above the size limit is refused."""
     assert "larger than 16 MiB" in refused(b" " * (xml_tree.MAX_BYTES + 1))[0]
 
 
 def test_deep_nesting_is_refused():
-    """Nobody nests like that by hand."""
+    """Elements nested deeper than 64 are refused."""
     assert "nested deeper than 64" in refused("<suite>" + "<test>" * 100_000)[0]
 
 
 def test_more_elements_than_sense_are_refused(monkeypatch: pytest.MonkeyPatch):
-    """Memory is bounded."""
+    """The number of elements has a limit."""
     monkeypatch.setattr(xml_tree, "MAX_ELEMENTS", 50)
     assert "the file has more than 50 elements" in refused(b"<suite>" + b"<a/>" * 50)[-1]
 
 
 def test_more_attributes_than_sense_are_refused():
-    """Each unknown one is looked up in the file, so their number is bounded."""
+    """The number of attributes of an element has a limit."""
     attributes = " ".join(f'a{number}=""' for number in range(300))
     assert "more than 256 attributes" in refused(f"<suite><test {attributes}/></suite>")[-1]
 
 
 def loops(depth: int, values: str, body: str) -> str:
-    """Loops in loops, each over the same values."""
+    """Return nested loops, each over the same values."""
     opening = "".join(f'<for name="v{level}" in="{values}">' for level in range(depth))
     return f'<suite name="S">{opening}{body}{"</for>" * depth}</suite>'
 
@@ -159,25 +159,25 @@ def loops(depth: int, values: str, body: str) -> str:
     ],
 )
 def test_loops_are_bounded(text: str, told: str):
-    """A file of a few lines can ask for more than a computer holds."""
+    """The number of tests that loops unfold into has a limit."""
     assert told in refused(text)[0]
 
 
 def test_loops_are_not_nested_without_end():
-    """An error at the loop, with the rest of the suite intact."""
+    """Loops nested too deep are an error, and the rest of the suite stays."""
     loaded = load_suite_bytes(loops(17, "a", "<test>T</test>").encode(), "s.xml")
     assert "nested more than 16 deep" in loaded.errors[0].text
 
 
 def test_a_text_that_variables_blow_up_is_an_error():
-    """Before it is built."""
+    """A text that substitution makes too long is an error."""
     text = f'<suite name="S"><test param="{"${v}" * 1000}">T</test></suite>'
     (error,) = load_suite_bytes(text.encode(), "s.xml", variables={"v": "x" * 100_000}).errors
     assert "attribute 'param' of <test> is longer than 65536 characters once its variables are put in" in error.text
 
 
 def test_includes_do_not_multiply(tmp_path: Path):
-    """Each file includes the next twice: two to the power of their number."""
+    """The number of included files has a limit."""
     for number in range(15):
         line = f"<include>{number + 1}.xml</include>"
         (tmp_path / f"{number}.xml").write_text(f'<suite name="S">{line * 2}</suite>')
@@ -187,14 +187,14 @@ def test_includes_do_not_multiply(tmp_path: Path):
 
 
 def test_requirements_do_not_multiply():
-    """A name that many tests share, required by many."""
+    """The work for requirements of a shared name has a limit."""
     text = f'<suite name="S">{"<test>T</test>" * 3000}{"<test requires=" + chr(34) + "test:T" + chr(34) + ">U</test>"}'
     text += '<test requires="test:T">U</test>' * 1000 + "</suite>"
     assert "steps to unfold" in refused(text)[0]
 
 
 def test_endless_problems_are_counted_not_kept():
-    """A thousand are listed, the rest is a number, and errors stay errors."""
+    """At most MAX_DIAGNOSTICS problems are kept, and the others are counted."""
     text = '<suite name="S">' + "<tset/>" * 5000 + "<test/>" * 5000 + "</suite>"
     loaded = load_suite_bytes(text.encode(), "s.xml", lenient=True)
     assert len(loaded.diagnostics) == MAX_DIAGNOSTICS + 2
@@ -206,13 +206,13 @@ def test_endless_problems_are_counted_not_kept():
     "piece", ["<!--", "<![CDATA[", "<?x ", "<!DOCTYPE s ", '<!DOCTYPE "', "<", "&", "<a b='", "-->"]
 )
 def test_repeated_openings_take_no_more_than_linear_time(piece: str, size: int):
-    """The scan that fixes comments looks at each character once."""
+    """Repeated openings of comments and sections are scanned in linear time."""
     refused(piece * size)
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
 def test_a_pipe_is_not_waited_for(tmp_path: Path):
-    """Nobody may ever write to it."""
+    """A named pipe is refused instead of waiting for data."""
     os.mkfifo(tmp_path / "pipe.xml")
     (tmp_path / "s.xml").write_text('<suite name="S"><include>pipe.xml</include></suite>')
     assert "no regular file" in load_suite(tmp_path / "pipe.xml").errors[0].text
@@ -220,7 +220,7 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path):
 
 
 def test_files_that_cannot_be_read_are_told(tmp_path: Path):
-    """Missing, a folder, an impossible name."""
+    """Missing files, folders and impossible names are errors."""
     assert "No such file" in load_suite(tmp_path / "none.xml").errors[0].text
     assert "this is a folder" in load_suite(tmp_path).errors[0].text
     assert "cannot be read" in load_suite("a\0b").errors[0].text

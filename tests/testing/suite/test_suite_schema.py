@@ -1,4 +1,4 @@
-"""The published schema and the loader agree, and both agree with the samples."""
+"""The published schema agrees with the loader and with the samples."""
 
 from __future__ import annotations
 
@@ -18,30 +18,30 @@ SAMPLES = sorted(DATA.rglob("*.xml"))
 
 @pytest.fixture(scope="module")
 def schema() -> etree.XMLSchema:
-    """The published schema, compiled."""
+    """The published schema."""
     return etree.XMLSchema(etree.parse(SCHEMA))
 
 
 def declarations() -> dict[str, etree._Element]:
-    """What the schema says of each element."""
+    """Return the schema's declaration of each element."""
     return {element.get("name"): element for element in etree.parse(SCHEMA).getroot().findall(f"{XS}element")}
 
 
 def test_schema_and_loader_know_the_same_elements():
-    """What one accepts the other knows."""
+    """Schema and loader have the same elements."""
     assert set(KINDS) == set(declarations())
 
 
 @pytest.mark.parametrize("name", KINDS)
 def test_schema_and_loader_know_the_same_attributes_and_children(name: str):
-    """In both directions."""
+    """Schema and loader have the same attributes and children of each element."""
     element = declarations()[name]
     assert KINDS[name].attributes.keys() == {attribute.get("name") for attribute in element.iter(f"{XS}attribute")}
     assert KINDS[name].children == {child.get("ref") for child in element.iter(f"{XS}element") if child.get("ref")}
 
 
 def test_everything_in_the_schema_is_explained():
-    """An editor shows it while the author types."""
+    """Every declaration has a documentation, which editors show."""
     nodes = etree.parse(SCHEMA).getroot().iter(f"{XS}element", f"{XS}attribute", f"{XS}enumeration", f"{XS}simpleType")
     unexplained = [
         node.get("name") or node.get("value")
@@ -53,7 +53,7 @@ def test_everything_in_the_schema_is_explained():
 
 @pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.name)
 def test_the_samples_are_valid(schema: etree.XMLSchema, path: Path):
-    """Once the comments are gone that only our reader forgives."""
+    """The samples are valid, but for double dashes in comments."""
     text = re.sub(r"<!--.*?-->", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
     schema.assertValid(etree.fromstring(text.encode()))
 
@@ -89,13 +89,13 @@ VARIABLES = {"t": "5", "i": "suite", "n": "1", "e": "pass"}
 
 @pytest.mark.parametrize("text", BAD.values(), ids=BAD)
 def test_what_the_schema_rejects_the_loader_complains_about(schema: etree.XMLSchema, text: str):
-    """So an editor without the loader finds the same mistakes."""
+    """What the schema rejects is a problem of the loader, too."""
     assert not schema.validate(etree.fromstring(text))
     assert load_suite_bytes(text.encode(), "s.xml").diagnostics
 
 
 @pytest.mark.parametrize("text", GOOD.values(), ids=GOOD)
 def test_what_the_schema_accepts_the_loader_accepts(schema: etree.XMLSchema, text: str):
-    """Variables included."""
+    """What the schema accepts loads without a problem, variables included."""
     schema.assertValid(etree.fromstring(text))
     assert load_suite_bytes(text.encode(), "s.xml", variables=VARIABLES).diagnostics == ()

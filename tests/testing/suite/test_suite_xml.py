@@ -1,4 +1,4 @@
-"""Loading suite files: what each element means, and what is said about the faulty ones."""
+"""Loading suite files: the meaning of each element, and the problems of faulty ones."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ def load(text: str, file: str = "s.xml", **variables: str) -> LoadedSuite:
 
 
 def sound(body: str, attributes: str = 'name="S"', **variables: str) -> TestSuite:
-    """Load a suite that must have nothing wrong with it."""
+    """Load a suite that must have no problem."""
     loaded = load(f"<suite {attributes}>{body}</suite>", **variables)
     assert loaded.diagnostics == ()
     return loaded.suite
 
 
 def problems(body: str, attributes: str = 'name="S"') -> list[str]:
-    """What is said about a suite with this content."""
+    """Return the problems of a suite with this content."""
     return [str(diagnostic) for diagnostic in load(f"<suite {attributes}>{body}</suite>").diagnostics]
 
 
 def entry_of(suite: TestSuite, test_id: str) -> TestEntry:
-    """The test with this id."""
+    """Return the test with this id."""
     (found,) = [test for test in suite.tests if test.id == test_id]
     return found
 
 
 def plugins(suite: TestSuite) -> list[str]:
-    """The plug-ins of a suite's tests, in order."""
+    """Return the plug-ins of the tests, in order."""
     return [test.plugin for test in suite.tests]
 
 
@@ -47,17 +47,17 @@ def plugins(suite: TestSuite) -> list[str]:
 
 
 def test_tests_run_in_file_order():
-    """Order of execution is file order."""
+    """Tests are in the order of the file."""
     assert plugins(sound("<test> C </test><test>A</test><test>\n B\n</test>")) == ["C", "A", "B"]
 
 
 def test_element_names_are_compared_without_case():
-    """An old file may shout."""
+    """Names of elements are read in any case."""
     assert plugins(load('<SUITE name="S"><Test>A</Test></SUITE>').suite) == ["A"]
 
 
 def test_attribute_names_are_compared_with_case():
-    """PARAM is not param, and it is said."""
+    """An attribute in the wrong case is a problem with a hint."""
     loaded = load('<suite name="S"><test PARAM="x">A</test></suite>')
     assert loaded.suite.tests[0].param == ""
     assert "<test> has no attribute 'PARAM'" in loaded.diagnostics[0].text
@@ -65,12 +65,12 @@ def test_attribute_names_are_compared_with_case():
 
 
 def test_white_space_in_text_is_condensed():
-    """Line breaks in a description are none."""
+    """White space in a text is condensed to single blanks."""
     assert sound("<description>\n two\tprobes\n  here </description>").description == "two probes here"
 
 
 def test_an_environment_is_given_to_the_tests_that_follow():
-    """The last one before a test wins; an empty one empties."""
+    """An environment applies to the tests after it, until the next one."""
     body = "<environment>a</environment><test>A</test><environment/><test>B</test>"
     body += "<environment>c</environment><test>C</test>"
     loaded = load(f'<suite name="S">{body}</suite>')
@@ -79,7 +79,7 @@ def test_an_environment_is_given_to_the_tests_that_follow():
 
 
 def test_a_test_before_the_environment_is_a_trap_and_is_pointed_at():
-    """The author most likely meant it for all tests."""
+    """An environment after a test is a warning, as it was probably meant for all."""
     loaded = load('<suite name="S"><test>A</test>\n<environment>e</environment><test>B</test></suite>')
     assert [test.environment for test in loaded.suite.tests] == ["", "e"]
     (warning,) = loaded.diagnostics
@@ -89,23 +89,23 @@ def test_a_test_before_the_environment_is_a_trap_and_is_pointed_at():
 
 
 def test_a_test_with_its_own_environment_is_no_trap():
-    """It asks for nothing from the suite."""
+    """A test with an environment of its own before the suite's is no warning."""
     suite = sound("<test>A<environment>own</environment></test><environment>e</environment><test>B</test>")
     assert [test.environment for test in suite.tests] == ["own", "e"]
 
 
 def test_repetition_counts_additional_runs():
-    """The C++ framework lost every test that had one."""
+    """``repetition`` is the number of additional runs."""
     assert sound('<test repetition="4">A</test>').tests[0].repetition == 4
 
 
 def test_a_comment_in_front_of_the_text_does_not_lose_the_test():
-    """The C++ framework lost such a test silently."""
+    """Comments within a test do not change its text."""
     assert plugins(sound("<test><!-- which --> A <!-- and --> B</test>")) == ["A B"]
 
 
 def test_dashes_in_comments_are_forgiven_with_a_warning():
-    """Old files comment options out; lines and columns of what follows stay true."""
+    """Double dashes in comments are a warning, and later places stay right."""
     loaded = load('<suite name="S">\n<!-- --from x.ini --->\n<!----><!-- é -- --><test x="">A</test></suite>')
     assert plugins(loaded.suite) == ["A"]
     comment, attribute = loaded.diagnostics
@@ -115,14 +115,14 @@ def test_dashes_in_comments_are_forgiven_with_a_warning():
 
 
 def test_a_suite_without_a_name_is_unknown():
-    """As in the C++ framework, but it is said."""
+    """A suite without a name is called unknown, with a warning."""
     loaded = load("<suite><test>A</test></suite>")
     assert (loaded.suite.name, loaded.suite.tests[0].id) == ("unknown", "unknown/A")
     assert [one.severity for one in loaded.diagnostics] == [Severity.WARNING]
 
 
 def test_a_suite_without_tests_is_a_suite():
-    """What to do about it is the runner's business."""
+    """A suite without tests loads."""
     assert sound("").tests == ()
 
 
@@ -145,19 +145,19 @@ def test_a_suite_without_tests_is_a_suite():
     ],
 )
 def test_a_test_is_named_after_what_tells_it_apart(element: str, name: str, test_id: str):
-    """Its name, else the plug-in's stem and the parameter file."""
+    """A test is named by its name, or by plug-in and parameter file."""
     test = sound(element).tests[0]
     assert (name, test_id) == (test.name, test.id)
 
 
 def test_equal_names_are_numbered_in_file_order():
-    """Ids stay unique and stable."""
+    """Equal tests are numbered in the order of the file."""
     suite = sound("<test>A</test><test>B</test><test>A</test><test>A</test>")
     assert [test.id for test in suite.tests] == ["s/A", "s/B", "s/A+2", "s/A+3"]
 
 
 def test_a_faulty_test_keeps_its_number():
-    """Mending it renames no other test."""
+    """A faulty test keeps its number, so that fixing it renames no other test."""
     loaded = load('<suite name="S"><test retries="x">A</test><test>A</test></suite>')
     assert [test.id for test in loaded.suite.tests] == ["s/A+2"]
 
@@ -166,7 +166,7 @@ def test_a_faulty_test_keeps_its_number():
 
 
 def test_loops_in_loops_give_every_combination():
-    """The outer loop turns slower."""
+    """Nested loops give every combination; the inner variable changes first."""
     suite = sound(
         '<for name="part" in="left_arm right_arm">'
         '<for name="v" in="1 2"><test param="--p ${part} ${v}">J</test></for></for>',
@@ -176,7 +176,7 @@ def test_loops_in_loops_give_every_combination():
 
 
 def test_loop_variables_reach_every_attribute_and_text():
-    """Names, plug-ins, numbers, parameters, requirements."""
+    """Loop variables are replaced in every attribute and text."""
     suite = sound(
         '<test>pre</test><for name="n" in="1 2">'
         '<test name="t${n}" timeout="${n}0" tags="tag${n}" requires="test:pre env:E${n}">'
@@ -195,25 +195,25 @@ def test_loop_variables_reach_every_attribute_and_text():
 
 
 def test_values_in_quotes_keep_their_blanks():
-    """And commas do not separate them."""
+    """Values of a loop are separated by blanks outside of quotes."""
     suite = sound("""<for name="v" in="'a b' c,d"><test>T</test></for>""")
     assert [test.name for test in suite.tests] == ["T [a b]", "T [c,d]"]
 
 
 def test_an_inner_loop_may_use_the_outer_variable():
-    """Its values are read anew in each round."""
+    """The values of an inner loop may have the outer variable."""
     suite = sound('<for name="a" in="x y"><for name="b" in="${a}1 ${a}2"><test name="${b}">T</test></for></for>')
     assert [test.name for test in suite.tests] == ["x1", "x2", "y1", "y2"]
 
 
 def test_unknown_variables_stay_for_the_test_to_resolve():
-    """The robot's name is known only later."""
+    """Unknown variables stay in the text, for the test to resolve."""
     suite = sound('<environment>${robotname}</environment><test param="${robotname} ${v}">T</test>', v="5")
     assert (suite.tests[0].param, suite.environment) == ("${robotname} 5", "${robotname}")
 
 
 def test_values_are_not_looked_into_again():
-    """What a value contains is text."""
+    """Values of variables are not substituted again."""
     assert sound('<test param="${a}">T</test>', a="${b}", b="no").tests[0].param == "${b}"
 
 
@@ -228,7 +228,7 @@ def test_values_are_not_looked_into_again():
     ],
 )
 def test_a_loop_that_cannot_turn_is_an_error(loop: str, message: str):
-    """Its tests would be lost silently otherwise."""
+    """An invalid loop is an error."""
     (problem,) = problems(loop)
     assert "error: " in problem
     assert message in problem
@@ -238,7 +238,7 @@ def test_a_loop_that_cannot_turn_is_an_error(loop: str, message: str):
 
 
 def test_a_full_file_is_understood_to_the_last_attribute():
-    """Suite defaults, overrides, fixtures in starting order, an included part."""
+    """A file with all elements is read: defaults, overrides, fixtures, includes."""
     suite = load_suite(DATA / "arms.xml").suite
     assert (
         suite.name,
@@ -269,7 +269,7 @@ def test_a_full_file_is_understood_to_the_last_attribute():
 
 
 def test_the_fixtures_of_a_full_file_are_understood():
-    """Every attribute arrives; a fixture has the parameters written in it and no others."""
+    """Every attribute of a fixture is read, with its own parameters only."""
     suite = load_suite(DATA / "arms.xml").suite
     simulator, robot, _treadmill = suite.fixtures
     assert (Scope.RUN, 5, 0.25, 0.5, Timeouts(setup=40, teardown=10), None, "--headless", "--seed 3") == (
@@ -292,13 +292,13 @@ def test_the_fixtures_of_a_full_file_are_understood():
 
 
 def test_suite_parameters_come_first_wherever_they_stand():
-    """So that the last of a name, the test's own, wins."""
+    """Parameters of the suite come before those of the test, so that the test's count."""
     suite = sound('<test>A<parameter name="v">2</parameter></test><parameter name="v">1</parameter>')
     assert suite.tests[0].parameters == (("v", "1"), ("v", "2"))
 
 
 def test_an_included_file_keeps_its_defaults_for_its_own_tests():
-    """Its time-out and retries apply to its tests and to no others; tags add up."""
+    """Defaults of an included file apply to its own tests; tags add up."""
     suite = load_suite(DATA / "arms.xml").suite
     left, right = (entry_of(suite, f"arms-and-cameras/JointLimits[{side}_leg]") for side in ("left", "right"))
     assert (left.timeouts.run, right.timeouts.run, suite.tests[1].timeouts.run) == (99, 7, None)
@@ -325,7 +325,7 @@ def test_an_included_file_keeps_its_defaults_for_its_own_tests():
     ],
 )
 def test_a_bad_value_is_an_error_at_its_place_and_keeps_the_test_out(attribute: str, told: str):
-    """Never silently, and with what would be right."""
+    """An invalid value is an error with place and valid values, and omits the test."""
     loaded = load(f'<suite name="S">\n  <test {attribute}>A</test><test>B</test></suite>')
     assert plugins(loaded.suite) == ["B"]
     (error,) = loaded.errors
@@ -334,7 +334,7 @@ def test_a_bad_value_is_an_error_at_its_place_and_keeps_the_test_out(attribute: 
 
 
 def test_all_problems_are_told_in_one_go():
-    """In file order, each with line and column."""
+    """All problems are reported in order, with line and column."""
     loaded = load(
         '<suite name="S" timeuot="5">\n'
         '  <test retries="-1"\n        timeout="x">A</test>\n'
@@ -362,14 +362,14 @@ def test_all_problems_are_told_in_one_go():
     ],
 )
 def test_an_unknown_name_is_an_error_with_a_hint_or_leniently_a_warning(body: str, told: str, lenient: bool):
-    """A test, a limit or a whole group would be lost by a slip of the pen."""
+    """An unknown element or attribute is an error with a hint, leniently a warning."""
     loaded = load_suite_bytes(f'<suite name="S">{body}</suite>'.encode(), "s.xml", lenient=lenient)
     assert told in str(loaded.diagnostics[0])
     assert len(loaded.errors) == (0 if lenient else len(loaded.diagnostics))
 
 
 def test_what_editors_write_to_find_the_schema_is_no_problem():
-    """These attributes belong to XML itself."""
+    """Attributes of XML itself are no problem."""
     sound("", 'name="S" xmlns="urn:s" xmlns:xsi="urn:x" xsi:noNamespaceSchemaLocation="suite.xsd" xml:lang="en"')
 
 
@@ -383,14 +383,14 @@ def test_what_editors_write_to_find_the_schema_is_no_problem():
     ],
 )
 def test_a_known_element_at_the_wrong_place_is_an_error(body: str, told: str):
-    """It was meant, so leaving it out is more than a warning."""
+    """A known element at a wrong place is an error."""
     (problem,) = problems(body)
     assert "error: " in problem
     assert told in problem
 
 
 def test_expected_failures_want_a_reason():
-    """The next reader will ask."""
+    """An expected failure without a reason is a problem, and a reason without one, too."""
     assert "without a reason" in problems('<test expected="fail">A</test>')[0]
     assert "without expected" in problems('<test reason="r">A</test>')[0]
 
@@ -408,13 +408,13 @@ def test_expected_failures_want_a_reason():
     ],
 )
 def test_other_faults_have_their_messages(body: str, message: str):
-    """One problem, one message."""
+    """Each fault has one message of its own."""
     (problem,) = problems(body)
     assert message in problem
 
 
 def test_modules_to_preload_have_names():
-    """Anything else would fail much later."""
+    """An invalid module name in ``preload`` is a problem."""
     assert "'1x' is no name of a Python module" in problems("", 'name="S" preload="numpy 1x"')[0]
 
 
@@ -424,7 +424,7 @@ WORD = st.text(st.characters(codec="utf-8", exclude_categories=["C", "Z"], exclu
 
 
 def escape(text: str) -> str:
-    """Write a text so that XML cannot take it for anything else."""
+    """Write a text with every character as a reference."""
     return "".join(f"&#{ord(char)};" for char in text)
 
 
@@ -441,7 +441,7 @@ def escape(text: str) -> str:
     st.permutations(["left", "right", "torso"]),
 )
 def test_what_is_written_is_what_is_loaded(tests: list[tuple[str, str, int, list[str]]], values: list[str]):
-    """Plug-ins, parameter strings, numbers and tags survive the way through a file, in their order, once per value."""
+    """Plug-ins, parameters, numbers and tags are loaded as written, in order, once per loop value."""
     body = "".join(
         f'<test param="{escape(param)}" retries="{retries}" tags="{" ".join(tags)}">{escape(plugin)}</test>'
         for plugin, param, retries, tags in tests

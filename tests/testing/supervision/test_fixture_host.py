@@ -1,4 +1,4 @@
-"""The host of a fixture as a process of its own, spoken to as the supervisor does, and interrupted at bad moments."""
+"""The host process of a fixture, with a scripted supervisor, and interrupted at bad moments."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Fx(FixtureManager):
 
 
 class Talk:
-    """The runner's side of one host."""
+    """The supervisor's end of one host."""
 
     def __init__(self, folder: Path, body: str, attempt: int = 1) -> None:
         self.calls = folder / "calls"
@@ -70,11 +70,11 @@ class Talk:
         there.close()
 
     def command(self, command: str, detail: str = "") -> None:
-        """Say something."""
+        """Send a command."""
         self.here.sendall(messages.pack(Command(command, detail)))
 
     def hear(self) -> Iterator[dict]:
-        """Everything that is said, until the host has ended."""
+        """Yield all messages until the host ends."""
         while True:
             while self._heard:
                 yield msgspec.to_builtins(messages.from_fixture(self._heard.popleft()))
@@ -84,7 +84,7 @@ class Talk:
             self._heard.extend(self._frames.feed(data))
 
     def until(self, **members: object) -> dict:
-        """Wait for a message that has these members."""
+        """Wait for a message with these members."""
         for message in self.hear():
             if members.items() <= message.items():
                 return message
@@ -95,12 +95,12 @@ class Talk:
         self.process.send_signal(signal.SIGTERM)
 
     def end(self) -> list[str]:
-        """Wait for the end; gives what was called."""
+        """Wait for the end, and return the calls of the fixture."""
         assert self.process.wait(20.0) == 0
         return self.calls.read_text().splitlines() if self.calls.exists() else []
 
     def close(self) -> None:
-        """End everything."""
+        """Kill the host, and close the connection."""
         self.process.kill()
         self.process.wait()
         self.here.close()
@@ -108,7 +108,7 @@ class Talk:
 
 @pytest.fixture
 def talk(tmp_path: Path) -> Iterator:
-    """Starts hosts, and ends them."""
+    """Return a function that starts a host."""
     talks = []
 
     def start(body: str = "", attempt: int = 1) -> Talk:
@@ -121,10 +121,10 @@ def talk(tmp_path: Path) -> Iterator:
 
 
 class TestCommands:
-    """What the supervisor asks for."""
+    """Commands of the supervisor."""
 
     def test_life(self, talk: Starter):
-        """Ready, alive, parked when asked, torn down when asked, done."""
+        """The host reports ready and alive, enters the safe state on request and before teardown, and ends."""
         host = talk()
         host.until(event="ready")
         host.until(event="alive")
@@ -138,14 +138,14 @@ class TestCommands:
         assert host.end() == ["setup", "park", "park", "teardown"]
 
     def test_collapse_found_by_the_runner(self, talk: Starter):
-        """The runner's reason reaches on_collapse."""
+        """The supervisor's reason is passed to on_collapse."""
         host = talk()
         host.until(event="ready")
         host.command("teardown", "the runner says so")
         assert host.end() == ["setup", "on_collapse the runner says so", "teardown"]
 
     def test_first_announcement_counts(self, talk: Starter):
-        """Of many threads that announce a collapse, one is heard."""
+        """Of several threads that announce a collapse, the first one is reported."""
         body = """
     def check(self):
         threads = [threading.Thread(target=self.collapsed, args=(f"reason {n}",)) for n in range(20)]
@@ -160,7 +160,7 @@ class TestCommands:
         assert host.end() == ["setup", f"on_collapse {cause}", "teardown"]
 
     def test_what_breaks_as_soon_as_it_is_ready_has_been_set_up(self, talk: Starter):
-        """A test may break it before the host has taken its next step: then the setup is not to blame."""
+        """A collapse right after the setup is one of the phase check."""
         body = """
     def setup(self):
         emit = self._host.emit
@@ -172,13 +172,13 @@ class TestCommands:
         assert talk(body).until(event="lost")["incident"]["phase"] == "check"
 
     def test_announcement_of_anything_is_heard(self, talk: Starter):
-        """A reason that is no text is no reason to lose it."""
+        """Any objects are accepted as reason and output of a collapse."""
         host = talk("    def check(self): self.collapsed(ValueError(7), exit_status=3, output=b'x')\n")
         said = host.until(event="lost")["incident"]
         assert (said["cause"], said["exit_status"], said["output"]) == ("7", 3, "b'x'")
 
     def test_exception_that_is_broken_itself(self, talk: Starter):
-        """An error whose text cannot be had is told all the same."""
+        """An exception whose text raises an error is reported with its class."""
         body = """
     def setup(self):
         class Broken(Exception):
@@ -188,7 +188,7 @@ class TestCommands:
         assert "Broken" in talk(body).until(event="lost")["incident"]["cause"]
 
     def test_keyboard_interrupt_does_not_skip_teardown(self, talk: Starter):
-        """Even what is no Exception ends in a message, and teardown is done."""
+        """KeyboardInterrupt in setup is a collapse, and teardown runs."""
         host = talk("    def setup(self): raise KeyboardInterrupt\n")
         assert host.until(event="lost")["incident"]["cause"] == "KeyboardInterrupt"
         host.until(event="doing", step="nothing")
@@ -200,7 +200,7 @@ class TestInterruption:
 
     @pytest.mark.parametrize("delay", [index * 0.004 for index in range(25)])
     def test_at_any_moment_ends_in_order(self, talk: Starter, delay: float):
-        """Every message is whole, and what was begun is torn down."""
+        """After SIGTERM at any moment all messages are whole, and teardown runs."""
         body = """
     def setup(self):
         self.note("setup")
@@ -216,7 +216,7 @@ class TestInterruption:
         assert called in ([], ["teardown"], ["setup", "teardown"], ["setup", "park", "teardown"])
 
     def test_in_a_hung_check_has_the_reason(self, talk: Starter):
-        """The command that was sent before the signal is read after it."""
+        """A command before the signal gives the reason of the teardown."""
         host = talk("    def check(self): clock.sleep(1000)\n")
         host.until(event="ready")
         clock.sleep(0.1)  # so that it is in check(); were it not, the outcome would be the same
@@ -225,7 +225,7 @@ class TestInterruption:
         assert host.end() == ["setup", "on_collapse hung", "teardown"]
 
     def test_does_not_touch_teardown(self, talk: Starter):
-        """However often it is signalled, teardown comes to its end."""
+        """SIGTERM does not interrupt teardown."""
         body = """
     def teardown(self):
         self.report("begun")
@@ -244,10 +244,10 @@ class TestInterruption:
 
 
 class TestLostRunner:
-    """Nobody is there any more."""
+    """A host whose runner is gone."""
 
     def test_tears_down_when_the_fork_server_says_so(self, talk: Starter):
-        """It waits for its turn, and then parks and tears down."""
+        """At the signal of the fork server the host enters the safe state, and tears down."""
         host = talk()
         host.until(event="ready")
         host.here.shutdown(socket.SHUT_RDWR)
@@ -255,14 +255,14 @@ class TestLostRunner:
         assert host.end() == ["setup", "park", "teardown"]
 
     def test_tears_down_on_its_own_when_nobody_does(self, talk: Starter):
-        """After a while it does not wait any longer."""
+        """Without a signal the host does so after a time."""
         host = talk()
         host.until(event="ready")
         host.here.shutdown(socket.SHUT_RDWR)
         assert host.end() == ["setup", "park", "teardown"]
 
     def test_does_not_keep_it_from_parking(self, talk: Starter):
-        """A park that says something to nobody is not interrupted by that."""
+        """A message that cannot be sent does not interrupt the safe state."""
         host = talk("    def enter_safe_state(self): self.report('parking'); self.note('parked')\n")
         host.until(event="ready")
         host.here.shutdown(socket.SHUT_RDWR)
@@ -270,6 +270,6 @@ class TestLostRunner:
 
 
 def test_a_fixture_with_the_old_name_of_the_safe_state_is_refused():
-    """A method ``park`` would never be called, and a robot be left as it is: the class is refused, with the hint."""
+    """A fixture with a method ``park``, the former name, is refused with a hint."""
     with pytest.raises(TypeError, match=r"Bench\.park\(\) is called enter_safe_state\(\) now"):
         type("Bench", (FixtureManager,), {"park": lambda self: None})

@@ -1,4 +1,4 @@
-"""One generation on its way down, against a process that says what the test makes it say at a given moment."""
+"""The end of one generation, with a scripted fixture process."""
 
 from __future__ import annotations
 
@@ -28,8 +28,7 @@ TEARDOWN, PARK, DONE = Doing("teardown()"), Doing("enter_safe_state()"), Doing("
 class Scripted:
     """A child and its reactor in one, whose time passes only while it is waited for.
 
-    ``plan`` is what it says at which second, ``in_dump`` what it says while its stacks are written: a message, or how
-    it ends.
+    ``plan`` has its messages with their seconds, ``in_dump`` those while its stacks are written, or how it ends.
     """
 
     def __init__(self, *plan: tuple[float, msgspec.Struct | End], in_dump: tuple[msgspec.Struct | End, ...] = ()):
@@ -63,7 +62,7 @@ class Scripted:
         self.end = self.end or End(9)
 
     def dump_stacks(self) -> str:
-        """Say at once what is said while they are written."""
+        """Play the messages of the time in which stacks are written."""
         self.signals.append(int(DUMP_SIGNAL))
         said, self.in_dump = self.in_dump, []
         for one in said:
@@ -90,7 +89,7 @@ class Scripted:
 
 
 def stop(child: Scripted, monkeypatch: pytest.MonkeyPatch, kill_now: Callable[[], bool] = lambda: False):
-    """Take a generation down that is up. Returns the causes of its incidents."""
+    """Stop a running generation; return the causes of its incidents."""
     monkeypatch.setattr(clock, "monotonic", lambda: child.time)
     events: list[Event] = []
     fixture = Fixture(FixtureEntry(name="fx", plugin="fx", found=PLUGIN), emit=events.append)
@@ -111,7 +110,7 @@ def stop(child: Scripted, monkeypatch: pytest.MonkeyPatch, kill_now: Callable[[]
 
 
 def test_what_comes_to_its_teardown_while_its_stacks_are_written_is_not_killed_in_it(monkeypatch: pytest.MonkeyPatch):
-    """enter_safe_state() hung, also when it was interrupted; the teardown that begins at last has its own time."""
+    """A teardown that begins while stacks of a hung safe state are written has its own limit."""
     at = SAFE_STATE_LIMIT + 2.1 + TEARDOWN_LIMIT
     child = Scripted((0.5, PARK), (at, DONE), (at, End(0)), in_dump=(TEARDOWN,))
     assert stop(child, monkeypatch) == []
@@ -120,21 +119,21 @@ def test_what_comes_to_its_teardown_while_its_stacks_are_written_is_not_killed_i
 
 
 def test_what_has_ended_while_its_stacks_were_written_is_not_told_as_killed(monkeypatch: pytest.MonkeyPatch):
-    """What it ended by is what is told."""
+    """A process that ends while its stacks are written is reported by its own end."""
     child = Scripted((0.5, PARK), in_dump=(TEARDOWN, End(11)))
     assert stop(child, monkeypatch) == ["the fixture's process ended in teardown(): killed by SIGSEGV"]
     assert stop(Scripted((0.5, PARK), in_dump=(TEARDOWN, DONE, End(0))), monkeypatch) == []
 
 
 def test_teardown_that_ends_late_is_told_and_not_killed(monkeypatch: pytest.MonkeyPatch):
-    """It ends while its stacks are written: it took too long, and that is all that is wrong."""
+    """A teardown that ends while its stacks are written is reported as late, and not killed."""
     child = Scripted((0.5, TEARDOWN), in_dump=(DONE, End(0)))
     assert stop(child, monkeypatch) == ["teardown() did not come back within 30 s"]
     assert int(signal.SIGKILL) not in child.signals
 
 
 def test_teardown_that_hangs_is_killed_however_late_it_began(monkeypatch: pytest.MonkeyPatch):
-    """Its time ends, too."""
+    """A teardown that hangs is killed at its limit."""
     child = Scripted((0.5, PARK), in_dump=(TEARDOWN,))
     assert stop(child, monkeypatch) == ["teardown() did not come back within 30 s; killed"]
     assert child.time < SAFE_STATE_LIMIT + TEARDOWN_LIMIT + 4.0
@@ -142,14 +141,14 @@ def test_teardown_that_hangs_is_killed_however_late_it_began(monkeypatch: pytest
 
 @pytest.mark.parametrize("said", [PARK, TEARDOWN, Doing("nothing much"), Doing("setup()")])
 def test_each_of_the_last_things_begins_once(said: Doing, monkeypatch: pytest.MonkeyPatch):
-    """A process that says again and again what it is doing lives no longer for that."""
+    """Repeated messages do not renew the limits of safe state and teardown."""
     child = Scripted((0.5, PARK), (1.0, TEARDOWN), *((float(second), said) for second in range(2, 300)))
     assert stop(child, monkeypatch) == ["teardown() did not come back within 30 s; killed"]
     assert child.time < TEARDOWN_LIMIT + 2.0
 
 
 def test_force_kills_what_comes_to_its_teardown_while_its_stacks_are_written(monkeypatch: pytest.MonkeyPatch):
-    """Who says so meanwhile need not say it again."""
+    """A kill that is requested while stacks are written is executed."""
     child = Scripted((0.5, PARK), in_dump=(TEARDOWN,))
     assert len(stop(child, monkeypatch, lambda: int(DUMP_SIGNAL) in child.signals)) == 1
     assert child.signals[-1] == signal.SIGKILL

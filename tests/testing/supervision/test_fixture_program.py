@@ -1,4 +1,4 @@
-"""A program of a fixture: how one that has ended is told from one that is silent, and what its end means."""
+"""The program of a fixture: a program that ended, one that is silent, and the consequences."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PATIENCE = 10.0
 
 
 class Owner(FixtureManager):
-    """A fixture that keeps what it would tell its runner."""
+    """A fixture that keeps its reports."""
 
     def __init__(self) -> None:
         self.causes: list[str] = []
@@ -33,7 +33,7 @@ class Owner(FixtureManager):
 
 @pytest.fixture
 def owner() -> Owner:
-    """The fixture that runs the program."""
+    """The fixture with the program."""
     return Owner()
 
 
@@ -47,19 +47,19 @@ def program(owner: Owner) -> Iterator[FixtureProgram]:
 
 
 def kill(program: FixtureProgram) -> None:
-    """Kill it from outside."""
+    """Kill the program from outside."""
     assert program._process is not None
     os.kill(program._process.pid, signal.SIGKILL)
 
 
 def test_one_that_runs_has_not_ended(program: FixtureProgram):
-    """Which takes no time to say, unless something was lost: it may be dying."""
+    """A running program has not ended; after a lost connection the answer waits."""
     assert not program.has_ended(PATIENCE)
     assert not program.has_ended(0.01, lost=ConnectionError())
 
 
 def test_the_end_has_been_announced_when_it_is_known(program: FixtureProgram, owner: Owner):
-    """Who knows of it may rely on that."""
+    """When the end is known, the collapse has been announced."""
     kill(program)
     assert program.has_ended(PATIENCE, lost=ConnectionError())
     assert owner.causes == ["sleep ended: killed by SIGKILL"]
@@ -67,19 +67,19 @@ def test_the_end_has_been_announced_when_it_is_known(program: FixtureProgram, ow
 
 
 def test_an_end_that_was_asked_for_is_no_collapse(program: FixtureProgram, owner: Owner):
-    """A fixture may end its program and start another one."""
+    """A program that the fixture stops is no collapse."""
     assert program.stop(signal.SIGTERM, PATIENCE)
     assert program.end is not None
     assert owner.causes == []
 
 
 def test_silence_is_not_waited_for(program: FixtureProgram):
-    """Who does not answer in time has been waited for already, and may live."""
+    """After a time-out the answer does not wait for the program's end."""
     assert not program.has_ended(1000.0, lost=TimeoutError())
 
 
 def test_what_is_missing_is_said_when_its_time_is_up(program: FixtureProgram):
-    """It is asked for until then, with the seconds that are left."""
+    """A program that is not ready in time raises FixtureCollapsed with what is missing."""
     left: list[float] = []
     with pytest.raises(FixtureCollapsed, match=r"^sleep was not ready after 0\.1 s: a sign of life$"):
         program.await_ready(lambda seconds: left.append(seconds) or "a sign of life", 0.1)

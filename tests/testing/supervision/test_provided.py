@@ -1,4 +1,4 @@
-"""Environment variables and values that fixtures provide for those that stand on them."""
+"""Environment variables and values that fixtures provide to tests and dependent fixtures."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ class Look(TestCase):
 
 
 def said(outcome: object) -> list[str]:
-    """What tests and fixtures reported."""
+    """Return what tests and fixtures reported."""
     return [event.detail for event in outcome.of(Message) if "sees" in event.detail]  # type: ignore[attr-defined]
 
 
 def test_tests_and_dependents_have_them_and_nobody_else(tmp_path: Path):
-    """A test that stands on the fixture, a fixture that depends on it, a program; not a test that does not use it."""
+    """Tests with the fixture and dependent fixtures have its variables, other tests do not."""
     xml = """
     <fixture name="server">server</fixture>
     <fixture name="client" depends="server">client</fixture>
@@ -66,7 +66,7 @@ def test_tests_and_dependents_have_them_and_nobody_else(tmp_path: Path):
 
 
 def test_what_no_environment_can_hold_is_refused(tmp_path: Path):
-    """The fixture cannot be set up, and says why."""
+    """An invalid variable blocks the test, with the reason."""
     xml = '<fixture name="odd" restarts="0">odd</fixture><test name="one">look.py</test>'
     outcome = run_suite(tmp_path, xml, fixtures__py=FIXTURES, look__py=TEST)
     assert outcome.verdict("one") is Verdict.BLOCKED
@@ -127,7 +127,7 @@ class Once(TestCase):
 
 
 def test_values_are_handed_to_tests_and_dependents_with_their_types(tmp_path: Path):
-    """As they were given, by the name that the suite has for the fixture; and they are in the journal."""
+    """Values reach tests and dependents with their types, and are in the journal."""
     xml = """
     <fixture name="server">server</fixture><fixture name="client" depends="server">client</fixture>
     <test name="one">needs.py</test>
@@ -140,7 +140,7 @@ def test_values_are_handed_to_tests_and_dependents_with_their_types(tmp_path: Pa
 
 
 def test_values_follow_a_restart(tmp_path: Path):
-    """The test that is run again on the next generation sees what that one provides."""
+    """A test that is run again gets the values of the next generation."""
     xml = '<fixture check-period="0.05" backoff="0">server</fixture><test name="one">once.py</test>'
     outcome = run_suite(tmp_path, xml, fixtures__py=VALUES, once__py=ONCE)
     assert said(outcome) == ["a test sees 1001", "a test sees 1002"]
@@ -158,7 +158,7 @@ def test_values_follow_a_restart(tmp_path: Path):
 def test_a_value_that_a_test_cannot_have_is_an_error_before_it_begins(
     tmp_path: Path, kind: str, fixture: str, key: str, problem: str
 ):
-    """It names fixture and key, and nothing of the test is called."""
+    """A missing or wrong value is an error of the test before it begins."""
     needs = NEEDS.replace("KIND", kind).replace("FIXTURE", fixture).replace("KEY", key)
     xml = '<fixture name="server">server</fixture><test name="one">needs.py</test>'
     outcome = run_suite(tmp_path, xml, fixtures__py=VALUES, needs__py=needs)
@@ -176,7 +176,7 @@ def test_a_value_that_a_test_cannot_have_is_an_error_before_it_begins(
     ],
 )
 def test_a_fixture_that_does_not_keep_what_it_declares_is_not_usable(tmp_path: Path, plugin: str, problem: str):
-    """It says which fixture and which key."""
+    """A fixture that omits a declared value, or adds one, is not usable."""
     xml = f'<fixture name="odd" restarts="0">{plugin}</fixture><test name="one">look.py</test>'
     outcome = run_suite(tmp_path, xml, fixtures__py=VALUES, look__py=TEST)
     assert outcome.verdict("one") is Verdict.BLOCKED

@@ -1,4 +1,4 @@
-"""Fixtures in real runs, with real processes that misbehave in every way we know, in every phase."""
+"""Fixtures in real runs, with processes that fail in every known way and phase."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ STARTING, STOPPING, STOPPED = FixtureState.STARTING, FixtureState.STOPPING, Fixt
 
 
 class Lab:
-    """Runs suites of ``Fx`` and ``T`` in one folder and knows what was called and what was left behind."""
+    """Runs suites of ``Fx`` and ``T`` in one folder, and keeps the calls."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -142,13 +142,13 @@ class Lab:
     def run(
         self, xml: str, *, interfere: Callable[[Run], None] | None = None, options: dict[str, object] | None = None
     ) -> Outcome:
-        """Run it, and say that nothing of it is left."""
+        """Run a suite, and check that no process of it is left."""
         outcome = run_suite(self.folder, xml, interfere=interfere, options=options, **self.plugins())
         assert marked_others(os.environ[MARK], os.getpid()) == []
         return outcome
 
     def plugins(self) -> dict[str, str]:
-        """The files of the fixture and the test."""
+        """Return the files of the fixtures and the test."""
         folder = repr(str(self.folder))
         text = FIXTURE.replace("FOLDER", folder)
         # A lab's own kind of a fixture: how it parks is another's.
@@ -157,7 +157,7 @@ class Lab:
 
     @property
     def calls(self) -> list[str]:
-        """What was called, checks left out."""
+        """The calls of the fixtures, without checks."""
         path = self.folder / "calls"
         lines = path.read_text().splitlines() if path.exists() else []
         return [line for line in lines if " check " not in line]
@@ -165,7 +165,7 @@ class Lab:
 
 @pytest.fixture
 def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """A lab in which patience is short."""
+    """A lab with short limits."""
     monkeypatch.setenv(MARK, f"{os.getpid()}-{tmp_path.name}")
     monkeypatch.setattr(fixture_process, "CHECK_LIMIT", 1.0)
     monkeypatch.setattr(fixture_process, "SAFE_STATE_LIMIT", 1.0)
@@ -174,7 +174,7 @@ def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 
 
 def marked_others(mark: str, but: int):
-    """The living processes of a run, without this one."""
+    """Return the living processes of a run, without this one."""
     return [process for process in marked(mark) if process.pid != but]
 
 
@@ -188,7 +188,7 @@ def fixture(
     on_lost: str = "",
     **parameters: object,
 ):
-    """A fixture element that checks often and restarts soon."""
+    """Return a fixture element with short check period and back-off."""
     inner = "".join(f'<parameter name="{key}">{value}</parameter>' for key, value in parameters.items())
     lost = f' on-lost="{on_lost}"' if on_lost else ""
     return (
@@ -199,13 +199,13 @@ def fixture(
 
 
 def rig(name: str = "rig", depends: str = "", **more: object):
-    """A fixture of something that is there once, which collapses under the first test."""
+    """Return a fixture that occupies ``rig``, and collapses in the first test."""
     lost = {"on_check": "false", "after": "test-began", "on_lost": "error"}
     return fixture(name, depends, **{**lost, **more}).replace(">fx<", ">rig<")  # type: ignore[arg-type]
 
 
 def at(what: Callable[[Event], bool], act: Callable[[Run], object]) -> Callable[[Run], None]:
-    """Does something at each event of a run for which something holds."""
+    """Return a function that acts at each matching event of a run."""
 
     def interfere(run: Run) -> None:
         emit = run.emit
@@ -221,33 +221,33 @@ def at(what: Callable[[Event], bool], act: Callable[[Run], object]) -> Callable[
 
 
 def on(what: Callable[[Event], bool], stage: int = 0) -> Callable[[Run], None]:
-    """Interrupts a run there."""
+    """Return a function that interrupts a run at the first matching event."""
     return at(what, lambda run: run.control.request("a test", stage=stage))
 
 
 def case(name: str = "t", attributes: str = "", **parameters: object):
-    """A test element."""
+    """Return a test element."""
     inner = "".join(f'<parameter name="{key}">{value}</parameter>' for key, value in parameters.items())
     return f'<test name="{name}" {attributes}>t{inner}</test>'
 
 
 def states(outcome: Outcome, name: str = "fx"):
-    """The states a fixture went through, with the generation."""
+    """Return the states of a fixture, with its generations."""
     return [(event.state, event.generation) for event in outcome.of(FixtureChanged, fixture=name)]
 
 
 def incidents(outcome: Outcome, name: str = "fx"):
-    """Everything that went wrong with a fixture."""
+    """Return the incidents of a fixture."""
     return outcome.of(FixtureIncident, fixture=name)
 
 
 def verdicts(outcome: Outcome, test: str = "s/t"):
-    """What each attempt at a test came to."""
+    """Return the verdict of each attempt at a test."""
     return [event.verdict for event in outcome.of(TestEnded, test=test)]
 
 
 class TestSetup:
-    """What a setup that does not work does to the run."""
+    """A setup that fails."""
 
     @pytest.mark.parametrize(
         ("how", "cause", "status", "signal_name"),
@@ -266,7 +266,7 @@ class TestSetup:
         ],
     )
     def test_is_tried_again(self, lab: Lab, how: str, cause: str, status: int | None, signal_name: str):
-        """However setup fails, the fixture is started once more, and the test then runs on the second generation."""
+        """After any failure of setup the fixture is restarted, and the test runs on the second generation."""
         timeout = "0.6 s" if how in ("hang", "stop") else "10 s"
         outcome = lab.run(fixture(on_setup=how, timeout=timeout) + case())
         (incident,) = incidents(outcome)
@@ -279,7 +279,7 @@ class TestSetup:
 
     @pytest.mark.parametrize("how", ["raise", "false", "hang", "announce_and_hang"])
     def test_is_torn_down(self, lab: Lab, how: str):
-        """What setup brought up before it failed is torn down, once; neither park nor on_collapse is called."""
+        """A failed setup is followed by one teardown, without safe state and on_collapse."""
         lab.run(fixture(on_setup=how, timeout="0.6 s") + case())
         assert lab.calls == [
             "fx setup #1",
@@ -291,12 +291,12 @@ class TestSetup:
         ]
 
     def test_leaves_teardown_its_time(self, lab: Lab):
-        """What comes down by itself, because its setup failed, is neither interrupted in its teardown nor killed."""
+        """A teardown after a failed setup is neither interrupted nor killed."""
         lab.run(fixture(on_setup="raise", on_teardown="linger") + case())
         assert lab.calls[:3] == ["fx setup #1", "fx teardown #1", "fx parked #1"]
 
     def test_that_never_works_blocks_the_tests(self, lab: Lab):
-        """When the restarts are used up the fixture is failed, what needs it blocked, and the exit code 6."""
+        """After all restarts the fixture has failed, its tests are blocked, and the exit code is 6."""
         outcome = lab.run(fixture(on_setup="raise", times=9, restarts=2) + case() + case("u"))
         assert states(outcome)[-1] == (FAILED, 3)
         assert len(incidents(outcome)) == 3
@@ -305,14 +305,14 @@ class TestSetup:
         assert outcome.exit_code == ExitCode.FIXTURE
 
     def test_that_cannot_work_is_not_tried_again(self, lab: Lab):
-        """FixtureUnusable uses up no restarts: another try would come to the same."""
+        """FixtureUnusable fails the fixture without restarts."""
         outcome = lab.run(fixture(on_setup="unusable", times=9, restarts=3) + case())
         assert states(outcome)[-1] == (FAILED, 1)
         assert outcome.detail("t") == "fixture fx is not usable: never ever"
         assert lab.calls == ["fx setup #1", "fx teardown #1"]
 
     def test_does_not_begin_on_wrong_parameters(self, lab: Lab):
-        """A mistake in the suite is told once, and nothing is set up or torn down."""
+        """Wrong parameters are one incident, and nothing is set up or torn down."""
         outcome = lab.run(fixture(no_such="1") + case())
         (incident,) = incidents(outcome)
         assert incident.phase == Phase.LOAD
@@ -320,7 +320,7 @@ class TestSetup:
         assert lab.calls == []
 
     def test_hung_shows_its_stacks(self, lab: Lab):
-        """The stacks of a setup that hangs are told as the fixture's, and contain the author's function."""
+        """The stacks of a setup that hangs are reported for the fixture."""
         outcome = lab.run(fixture(on_setup="hang", timeout="0.6 s") + case())
         (dumped,) = outcome.of(StackDumped)
         assert (dumped.fixture, dumped.test) == ("fx", "")
@@ -354,7 +354,7 @@ class TestCheck:
     def test_loses_the_running_test_and_repeats_it(
         self, lab: Lab, how: str, cause: str, status: int | None, signal_name: str
     ):
-        """The test is stopped at once, lost through no fault of its own, and run again on the next generation."""
+        """The running test is stopped as lost, and run again on the next generation."""
         outcome = lab.run(fixture(on_check=how, after="test-began") + case(wait_for="setup #2"))
         incident = incidents(outcome)[0]
         assert cause in incident.cause
@@ -376,9 +376,9 @@ class TestCheck:
 
     @pytest.mark.parametrize("how", ["false", "hang", "announce_and_hang"])
     def test_hooks_are_called_in_order(self, lab: Lab, how: str):
-        """After a collapse on_collapse and teardown, then before_restart and setup; park only where all is well.
+        """After a collapse on_collapse, teardown, before_restart and setup are called, in this order.
 
-        There it is called for the test that was cut short, which must not find what it left behind, and at the end.
+        The new generation enters the safe state for the test that was cut short, and at the end.
         """
         lab.run(fixture(on_check=how, after="test-began") + case(wait_for="park #2"))
         assert lab.calls == [
@@ -393,39 +393,39 @@ class TestCheck:
         ]
 
     def test_end_of_the_process_is_noticed_at_once(self, lab: Lab, monkeypatch: pytest.MonkeyPatch):
-        """Nobody waits for the next check when the fixture's process dies."""
+        """The death of the fixture's process is noticed without a check."""
         monkeypatch.setattr(fixture_process, "CHECK_LIMIT", 60.0)
         outcome = lab.run(fixture(on_check="kill", after="test-began") + case(wait_for="setup #2"))
         began = outcome.of(TestStarted)[0].time
         assert outcome.of(TestEnded)[0].time - began < 5.0
 
     def test_last_words_are_in_the_incident(self, lab: Lab):
-        """The last lines a fixture wrote before it died are in the incident."""
+        """The last output lines of a fixture that died are in the incident."""
         outcome = lab.run(fixture(on_check="exit", after="test-began") + case(wait_for="setup #2"))
         assert incidents(outcome)[0].output == "last words"
 
     def test_that_hangs_shows_its_stacks_and_not_the_tests(self, lab: Lab):
-        """The dump of a hung fixture is the fixture's although a test runs meanwhile."""
+        """The stacks of a hung check are those of the fixture, not of the test."""
         outcome = lab.run(fixture(on_check="hang", after="test-began") + case(wait_for="setup #2"))
         (dumped,) = outcome.of(StackDumped)
         assert (dumped.fixture, dumped.test) == ("fx", "")
         assert "linger_in_vain" in dumped.text
 
     def test_of_a_hung_test_shows_its_stacks_and_not_the_fixtures(self, lab: Lab):
-        """The dump of a hung test is the test's although a fixture is up."""
+        """The stacks of a hung test are those of the test, not of the fixture."""
         outcome = lab.run(fixture() + case(attributes='timeout="0.5 s"', hang="true"))
         (dumped,) = outcome.of(StackDumped)
         assert (dumped.fixture, dumped.test) == ("", "s/t")
         assert "linger_in_vain" not in dumped.text
 
     def test_under_the_last_test_is_noticed(self, lab: Lab):
-        """The verdict of a test counts only if its fixture is still there afterwards."""
+        """A test counts only if its fixture is still usable afterwards."""
         outcome = lab.run(fixture(on_check="false", after="test-began", times=9, restarts=0) + case())
         assert verdicts(outcome)[-1] in (Verdict.FIXTURE_LOST, Verdict.BLOCKED)
         assert Verdict.PASSED not in verdicts(outcome)
 
     def test_again_and_again_uses_up_the_restarts(self, lab: Lab):
-        """A fixture that comes up each time and collapses each time fails for good, and blocks what comes after."""
+        """A fixture that collapses each time fails after its restarts, and blocks later tests."""
         xml = fixture(on_check="false", after="test-began", times=99, restarts=2)
         outcome = lab.run(xml + case(wait_for="never") + case("u", wait_for="never") + case("v"))
         assert states(outcome)[-1] == (FAILED, 3)
@@ -442,14 +442,14 @@ class TestCheck:
         ],
     )
     def test_policy_decides_what_becomes_of_the_test(self, lab: Lab, policy: str, expected: list[Verdict]):
-        """The lost test is run again, an error, or skipped, as the suite says; the next one runs in any case."""
+        """A lost test is run again, an error, or skipped, by the policy; the next test runs."""
         xml = fixture(on_check="false", after="test-began", on_lost=policy) + case(wait_for="setup #2") + case("u")
         outcome = lab.run(xml)
         assert verdicts(outcome) == expected
         assert verdicts(outcome, "s/u") == [Verdict.PASSED]
 
     def test_of_another_fixture_disturbs_no_test(self, lab: Lab):
-        """A test that does not need the fixture runs to its end; the fixture is restarted for the next that does."""
+        """A collapse does not affect a test without that fixture; it is restarted for the next one with it."""
         xml = fixture("a", on_check="false", after="test-began") + fixture("b")
         xml += case("first", 'fixtures="a"', quiet="true")
         xml += case(attributes='fixtures="b"', wait_for="a check #1") + case("u", 'fixtures="a b"')
@@ -459,10 +459,10 @@ class TestCheck:
 
 
 class TestDependencies:
-    """Several fixtures."""
+    """Fixtures that depend on others."""
 
     def test_worked_example(self, lab: Lab):
-        """The example in the supervisor's text, step by step."""
+        """The example in the supervisor's docstring, step by step."""
         xml = (
             fixture("server", on_check="kill", after="test-began")
             + fixture("simulator", "server", restarts=0)
@@ -492,7 +492,7 @@ class TestDependencies:
         assert verdicts(outcome) == [Verdict.FIXTURE_LOST, Verdict.PASSED]
 
     def test_failed_one_blocks_those_above_it(self, lab: Lab):
-        """What stands on a failed fixture is never started; a test that needs neither of them runs."""
+        """A fixture that depends on a failed one is not started; tests without both run."""
         xml = fixture("a", on_setup="raise", times=9, restarts=0) + fixture("b", "a") + fixture("c")
         outcome = lab.run(xml + case(attributes='fixtures="b"') + case("u", 'fixtures="c"'))
         assert verdicts(outcome) == [Verdict.BLOCKED]
@@ -500,7 +500,7 @@ class TestDependencies:
         assert [call for call in lab.calls if call.startswith("b")] == []
 
     def test_collapse_while_a_dependent_sets_up(self, lab: Lab):
-        """A dependent that is coming up is not waited for when what it stands on collapses; both start anew."""
+        """A collapse interrupts the setup of a dependent, and both are restarted."""
         (lab.folder / "test-began").touch()
         xml = fixture("a", on_check="false", after="test-began") + fixture("b", "a", on_setup="hang", restarts=0)
         outcome = lab.run(xml + case())
@@ -508,7 +508,7 @@ class TestDependencies:
         assert outcome.of(TestStarted)[0].fixtures == {"a": 2, "b": 2}
 
     def test_collapse_of_an_earlier_one_while_a_later_one_sets_up(self, lab: Lab):
-        """When all are up at last, all of them are up: what collapsed meanwhile has been restarted."""
+        """A fixture that collapses while a later one starts is restarted before the test."""
         (lab.folder / "test-began").touch()
         xml = fixture("a", on_check="false", after="test-began") + fixture("b", on_setup="raise") + case()
         outcome = lab.run(xml)
@@ -517,7 +517,7 @@ class TestDependencies:
 
 
 class TestTeardown:
-    """A teardown that does not work."""
+    """A teardown that fails."""
 
     @pytest.mark.parametrize(
         ("how", "cause", "status", "signal_name"),
@@ -535,7 +535,7 @@ class TestTeardown:
     def test_is_told_and_the_others_are_torn_down(
         self, lab: Lab, how: str, cause: str, status: int | None, signal_name: str
     ):
-        """Teardown goes on in reverse order whatever one does; each problem is an incident, and the run fails."""
+        """Teardown goes on in reverse order; each problem is an incident, and the run fails."""
         xml = (
             fixture("a") + fixture("b", "a", on_teardown=how, teardown="0.6 s") + fixture("c", "b", on_teardown="raise")
         )
@@ -549,7 +549,7 @@ class TestTeardown:
         assert outcome.exit_code == ExitCode.FAILURES
 
     def test_hung_shows_its_stacks(self, lab: Lab):
-        """The stacks of a teardown that hangs are told before it is killed."""
+        """The stacks of a teardown that hangs are reported before it is killed."""
         outcome = lab.run(fixture(on_teardown="hang", teardown="0.6 s") + case())
         (dumped,) = outcome.of(StackDumped)
         assert dumped.fixture == "fx"
@@ -561,34 +561,34 @@ class TestTeardown:
         assert lab.calls == ["a setup #1", "a park #1", "a teardown #1"]
 
     def test_is_done_although_park_hangs_before_it(self, lab: Lab):
-        """The last park may be interrupted, so that teardown is reached."""
+        """A safe state that hangs is interrupted, and teardown runs."""
         outcome = lab.run(fixture(on_park="hang") + case())
         assert "enter_safe_state() did not come back and was interrupted" in incidents(outcome)[0].cause
         assert lab.calls[-1] == "fx teardown #1"
 
     def test_leaves_nothing_behind(self, lab: Lab):
-        """A process that a fixture let loose is ended with it."""
+        """A process that a fixture leaves is ended with it."""
         outcome = lab.run(fixture(on_setup="stray") + case())
         assert verdicts(outcome) == [Verdict.PASSED]
 
 
 class TestPark:
-    """Making safe what a test left."""
+    """The safe state after tests."""
 
     def test_after_a_test_that_was_stopped(self, lab: Lab):
-        """A test that ran out of time leaves nobody knows what: the fixture parks before the next one."""
+        """After a test that timed out the fixture enters the safe state before the next one."""
         lab.run(fixture() + case(attributes='timeout="0.3 s"', hang="true") + case("u"))
         assert lab.calls == ["fx setup #1", "fx park #1", "fx park #1", "fx teardown #1"]
 
     @pytest.mark.parametrize("isolation", ["test", "suite", "none"])
     @pytest.mark.parametrize("undo", ["teardown raises", "teardown fails", "clean-up raises", "clean-up fails"])
     def test_after_a_test_that_did_not_undo_what_it_did(self, lab: Lab, undo: str, isolation: str):
-        """Nor does anybody know what that one leaves."""
+        """After a test with a failed teardown or clean-up it does so, too."""
         lab.run(fixture() + case(attributes=f'isolation="{isolation}"', undo=undo) + case("u"))
         assert lab.calls == ["fx setup #1", "fx park #1", "fx park #1", "fx teardown #1"]
 
     def test_on_the_next_generation_where_the_first_was_lost(self, lab: Lab):
-        """Also for another test, and before what depends on it is set up; once is enough."""
+        """The next generation enters the safe state once, before dependents are set up."""
         lost = fixture("a", on_check="false", after="test-began", on_lost="error") + fixture("b", "a")
         lab.run(lost + case(hang="true") + case("u") + case("v"))
         assert lab.calls[-8:] == [
@@ -610,7 +610,7 @@ class TestPark:
         ],
     )
     def test_that_does_not_work_is_a_collapse(self, lab: Lab, how: str, cause: str):
-        """The next test does not run on a fixture that could not be parked, but on a new generation."""
+        """A safe state that fails is a collapse, and the next test runs on a new generation."""
         outcome = lab.run(fixture(on_park=how) + case(attributes='timeout="0.3 s"', hang="true") + case("u"))
         assert cause in incidents(outcome)[0].cause
         assert outcome.of(TestStarted, test="s/u")[0].fixtures == {"fx": 2}
@@ -618,20 +618,20 @@ class TestPark:
 
 
 class TestOwedPark:
-    """A fixture of a robot collapsed under a test, and what the test left is still as it was."""
+    """A fixture of a robot collapsed in a test, so that the safe state is still to be entered."""
 
     AGAIN = ("rig before_restart #2", "rig setup #2", "rig park #2", "rig park #2", "rig teardown #2")
 
     @pytest.mark.parametrize("how", ["at the end", "interrupted"])
     def test_is_made_up_for_before_the_end(self, lab: Lab, how: str):
-        """It comes up once more to park, also when the run is to stop."""
+        """The fixture starts once more to enter the safe state, also after an interrupt."""
         collapsed = on(lambda event: isinstance(event, FixtureChanged) and event.state is COLLAPSED)
         outcome = lab.run(rig() + case(hang="true"), interfere=collapsed if how == "interrupted" else None)
         assert lab.calls[-5:] == [*self.AGAIN]
         assert [incident.cause for incident in incidents(outcome, "rig")] == ["check() returned False"]
 
     def test_is_made_up_for_when_the_first_try_was_interrupted(self, lab: Lab):
-        """The last restart was begun for another test; it is done all the same."""
+        """It does so also if the restart for another test was interrupted."""
         second = on(
             lambda event: isinstance(event, FixtureChanged) and event.state is STARTING and event.generation == 2
         )
@@ -640,7 +640,7 @@ class TestOwedPark:
         assert len(incidents(outcome, "rig")) == 1
 
     def test_that_force_forbids_is_told(self, lab: Lab):
-        """One interrupt lets the back-off before it pass, one by force does not; what was left is not kept quiet."""
+        """An interrupt does not end the back-off, and force does; the omission is an incident."""
 
         def interfere(run: Run) -> None:
             on(lambda event: isinstance(event, FixtureChanged) and event.state is COLLAPSED)(run)
@@ -656,7 +656,7 @@ class TestOwedPark:
         assert "rig setup #2" not in lab.calls
 
     def test_that_force_breaks_off_is_told(self, lab: Lab):
-        """Nobody waits then for a park that is under way either."""
+        """Force ends a safe state that is under way, and the omission is an incident."""
         second = on(
             lambda event: isinstance(event, FixtureChanged) and (event.state, event.generation) == (READY, 2), 3
         )
@@ -670,7 +670,7 @@ class TestOwedPark:
         ]
 
     def test_without_restarts_is_told(self, lab: Lab):
-        """Who cannot come up any more says what that means, and the run is not good."""
+        """Without restarts the omission is an incident, and the run fails."""
         outcome = lab.run(rig(restarts=0, on_lost="skip") + case(hang="true"))
         causes = [incident.cause for incident in incidents(outcome, "rig")]
         assert causes == [
@@ -680,14 +680,14 @@ class TestOwedPark:
         assert outcome.exit_code == ExitCode.FAILURES
 
     def test_that_does_not_work_is_told(self, lab: Lab):
-        """The cause is the last one, with the restarts it took."""
+        """The incident has the last cause, with the used restarts."""
         outcome = lab.run(rig(restarts=2, times=9, on_park="raise") + case(hang="true"))
         last = incidents(outcome, "rig")[-1].cause
         assert last.startswith("rig did not put back what a test left: ")
         assert last.endswith("enter_safe_state() raised RuntimeError: broken on purpose (2 restarts used up)")
 
     def test_on_what_does_not_come_up_is_told(self, lab: Lab):
-        """The cause is that of what it depends on, which collapses before the other is up once more."""
+        """If a fixture below is not usable, its cause is in the incident."""
         below = fixture("a", on_check="kill", after="b-is-down", restarts=0, on_lost="error")
         above = rig("b", "a", on_check="kill").replace('backoff="0.01"', 'backoff="60"')
         down = at(
@@ -699,12 +699,12 @@ class TestOwedPark:
         assert last.startswith("b did not put back what a test left: fixture a is not usable: ")
 
     def test_by_what_is_not_there_is_not_told(self, lab: Lab):
-        """What occupies nothing took what was left with it."""
+        """A fixture that occupies nothing has no such incident."""
         outcome = lab.run(fixture(restarts=0, on_check="false", after="test-began") + case(hang="true"))
         assert [incident.cause for incident in incidents(outcome)] == ["check() returned False"]
 
     def test_is_handed_on_to_later_suites(self, lab: Lab):
-        """The first generation of that name and plug-in parks; a suite that does not need it says nothing again."""
+        """The first later generation of that name and plug-in enters the safe state."""
         later = fixture("rig").replace(">fx<", ">rig<")
         suites = {
             "one": rig(restarts=0) + case(hang="true"),
@@ -727,11 +727,11 @@ class TestOwedPark:
 
 
 class TestChannel:
-    """A fixture's process says something that it should not."""
+    """Invalid messages of a fixture's process."""
 
     @pytest.mark.parametrize("how", ["garbage", "foreign"])
     def test_nonsense_is_told_and_survived(self, lab: Lab, how: str):
-        """Lines that are no messages are told as errors and do nothing else."""
+        """Invalid messages are reported as errors, and have no other effect."""
         outcome = lab.run(fixture(on_setup=how) + case())
         said = outcome.of(Message, fixture="fx", severity=Severity.ERROR)
         assert said
@@ -739,12 +739,12 @@ class TestChannel:
         assert verdicts(outcome) == [Verdict.PASSED]
 
     def test_text_that_is_no_unicode_is_survived(self, lab: Lab):
-        """A lone surrogate in a fixture's output is written in another way."""
+        """A lone surrogate in a fixture's output is escaped."""
         outcome = lab.run(fixture(on_setup="surrogate") + case())
         assert outcome.of(OutputCaptured, fixture="fx")[0].text == "\\ud800\n"
 
     def test_flood_of_output_is_bounded(self, lab: Lab):
-        """Of a flood the beginning and the end are kept, and the rest is counted."""
+        """Of a flood of output beginning and end are kept, and the rest is counted."""
         outcome = lab.run(fixture(on_setup="flood") + case())
         captured = outcome.of(OutputCaptured, fixture="fx")
         kept = sum(len(event.text) for event in captured)
@@ -753,7 +753,7 @@ class TestChannel:
         assert captured[-1].text.endswith("the very last line\n")
 
     def test_flood_of_messages_is_bounded(self, lab: Lab):
-        """Beyond 16 MB what a fixture reports is counted and left out."""
+        """Messages beyond 16 MB are counted and omitted."""
         outcome = lab.run(fixture(on_setup="chatter") + case())
         said = outcome.of(Message, fixture="fx")
         assert sum(len(message.detail) for message in said) < 17 << 20
@@ -761,10 +761,10 @@ class TestChannel:
 
 
 class TestInterrupt:
-    """The run is to stop."""
+    """An interrupted run."""
 
     def test_ends_a_back_off(self, lab: Lab):
-        """Nobody waits for a restart that will not come; the fixture is not called failed."""
+        """An interrupt ends the back-off, and the fixture does not count as failed."""
 
         def interfere(run: Run) -> None:
             emit = run.emit
@@ -784,7 +784,7 @@ class TestInterrupt:
         assert states(outcome)[-1] == (STOPPED, 1)
 
     def test_ends_a_setup(self, lab: Lab):
-        """A fixture that is coming up is interrupted and torn down, and that is no incident."""
+        """An interrupt stops a setup, followed by teardown, without an incident."""
 
         def interfere(run: Run) -> None:
             emit = run.emit
@@ -802,7 +802,7 @@ class TestInterrupt:
 
 
 class TestCommandLine:
-    """The whole runner as a process."""
+    """Fixtures of the command ``testrunner``."""
 
     def write(self, lab: Lab, **suites: str) -> None:
         """Write suites and plug-ins into the lab's folder."""
@@ -810,7 +810,7 @@ class TestCommandLine:
         write_files(lab.folder, {**lab.plugins(), **files})
 
     def test_workers_have_fixtures_of_their_own(self, lab: Lab) -> None:
-        """With two jobs, each suite's fixture collapses, is restarted and repeats its test in its own suite worker."""
+        """With two jobs each suite worker restarts its own fixture, and repeats its test."""
         self.write(
             lab,
             one=fixture("a", on_check="false", after="test-began") + case(wait_for="a setup #2"),
@@ -822,7 +822,7 @@ class TestCommandLine:
 
     @pytest.mark.parametrize("signum", [signal.SIGKILL, signal.SIGSEGV])
     def test_runner_that_dies_leaves_nothing(self, lab: Lab, signum: int) -> None:
-        """Fixtures are parked and torn down in reverse order even then, and no process is left."""
+        """If the runner dies, fixtures enter the safe state and tear down in reverse order, and no process is left."""
         self.write(lab, one=fixture("a") + fixture("b", "a") + case(hang="true"))
         command = Command(lab.folder, "-s", "one.xml")
         command.wait_for(lambda events: any(isinstance(event, TestStarted) for event in events))
@@ -852,7 +852,7 @@ class TestCommandLine:
         ],
     )
     def test_runner_that_dies_leaves_time_to_park(self, lab: Lab, what: str, patience: str, called: list[str]) -> None:
-        """Each fixture has its time, more where it parks; one that is stuck is killed, and the next has its turn."""
+        """Each fixture then has its time; one that hangs is killed, and the next has its turn."""
         hook, how = what.split()
         fixtures = fixture("a") + fixture("b", "a", **{hook: how})
         (lab.folder / "patience.py").write_text(
