@@ -1,4 +1,4 @@
-"""Somebody else says which test is next: what the runner promises holds in any order."""
+"""A host, such as pytest, chooses the next test: the runner keeps its rules in any order."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SUITE = "<fixture name='up'> up.py </fixture><test name='a'> fine.py </test><tes
 
 
 def conducted(tmp_path, conduct, *, second="fine.py", **options):
-    """Run the suite with somebody who is given the run, the suite worker and the planned suite."""
+    """Run the suite with a function that gets the run, the suite worker and the planned suite."""
     runs = []
 
     def told(worker):
@@ -35,7 +35,7 @@ def conducted(tmp_path, conduct, *, second="fine.py", **options):
 
 
 def test_tests_run_in_the_order_they_are_asked_for(tmp_path):
-    """The order of the plan counts for nothing; the fixture is up for both, and down behind the suite."""
+    """Tests run in the order of the requests; the fixture is up for both, and is torn down after the suite."""
 
     def backwards(_run, worker, planned):
         with worker.at_work(), worker.suite(planned):
@@ -51,7 +51,7 @@ def test_tests_run_in_the_order_they_are_asked_for(tmp_path):
 
 
 def test_what_is_not_asked_for_is_not_run(tmp_path):
-    """Every planned test has a last word, also one that nobody wanted in the end."""
+    """A planned test that is not requested ends as not run."""
 
     def first_only(_run, worker, planned):
         with worker.at_work(), worker.suite(planned):
@@ -62,7 +62,7 @@ def test_what_is_not_asked_for_is_not_run(tmp_path):
 
 
 def test_plan_may_be_told_as_it_comes(tmp_path):
-    """Without planning ahead the record speaks of nothing but what was asked for."""
+    """Without planning ahead the journal has only the requested tests."""
 
     def first_only(run, worker, planned):
         from dataclasses import replace
@@ -78,7 +78,7 @@ def test_plan_may_be_told_as_it_comes(tmp_path):
 
 
 def test_abort_stops_one_test_and_no_other(tmp_path):
-    """The running test is stopped with the reason as its detail; when that is taken back the next one runs."""
+    """An abort stops the running test with its reason; after it is cleared the next one runs."""
     second = []
 
     def abort(run, worker, planned):
@@ -100,7 +100,7 @@ def test_abort_stops_one_test_and_no_other(tmp_path):
 
 
 def test_waiting_ends_when_somebody_wakes_it(tmp_path):
-    """Whoever waits is woken from another thread."""
+    """``wake`` from another thread ends a wait."""
 
     def wait(_run, worker, _planned):
         done = threading.Event()

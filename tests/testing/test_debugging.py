@@ -1,4 +1,4 @@
-"""``--debug`` and ``--core-dumps``: a debugger at the terminal in the process of a test, and what a crash leaves."""
+"""``--debug`` and ``--core-dumps``: a debugger at the terminal for a test, and core dumps of programs."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ CRASHES = "#!/bin/sh\nkill -SEGV $$\n"
 
 
 class Terminal:
-    """``testrunner`` at a terminal, as a person sees it."""
+    """``testrunner`` at a terminal."""
 
     def __init__(self, folder: Path, *arguments: str) -> None:
         self._master, slave = pty.openpty()
@@ -54,7 +54,7 @@ class Terminal:
         os.close(slave)
 
     def wait_for(self, text: str) -> None:
-        """Read until a text is there."""
+        """Read until a text is shown."""
         deadline = clock.Deadline.after(30.0)
         start = len(self.seen)
         while text not in self.seen[start:]:
@@ -67,7 +67,7 @@ class Terminal:
         os.write(self._master, f"{text}\n".encode())
 
     def end(self) -> int:
-        """Wait for its end; returns the exit code."""
+        """Wait for the end, and return the exit code."""
         deadline = clock.Deadline.after(30.0)
         with contextlib.suppress(OSError):  # nobody has the terminal any more
             while not deadline.expired:
@@ -78,7 +78,7 @@ class Terminal:
 
 
 def test_breakpoint_opens_the_debugger_at_the_terminal(tmp_path: Path):
-    """In the test's own process, with its variables; its time limit does not count; what is set there has an effect."""
+    """A breakpoint opens the debugger in the test's process, without a time limit; changes have an effect."""
     write_files(tmp_path, {"s.xml": SUITE, "a.py": STOPS})
     terminal = Terminal(tmp_path, "s.xml", "--debug")
     terminal.wait_for("(Pdb)")
@@ -92,7 +92,7 @@ def test_breakpoint_opens_the_debugger_at_the_terminal(tmp_path: Path):
 
 
 def test_a_test_that_raises_is_examined_where_it_did(tmp_path: Path):
-    """The debugger opens in the author's frame, and the verdict is what it is without one."""
+    """After an exception the debugger opens in the author's frame; the verdict is the usual one."""
     write_files(tmp_path, {"s.xml": SUITE, "a.py": RAISES})
     terminal = Terminal(tmp_path, "s.xml", "--debug")
     terminal.wait_for("(Pdb)")
@@ -104,7 +104,7 @@ def test_a_test_that_raises_is_examined_where_it_did(tmp_path: Path):
 
 
 def test_a_debugger_needs_a_terminal(tmp_path: Path):
-    """Otherwise it is a wrong use, and nothing is run."""
+    """``--debug`` without a terminal is wrong usage, and nothing runs."""
     write_files(tmp_path, {"s.xml": SUITE, "a.py": STOPS})
     outcome = run_command(tmp_path, "s.xml", "--debug")
     assert outcome.exit_code == 4
@@ -112,7 +112,7 @@ def test_a_debugger_needs_a_terminal(tmp_path: Path):
 
 
 def test_core_dumps_are_kept_where_the_kernel_writes_them(tmp_path: Path):
-    """The core file of a program is attached to its test; where there is none, a warning says why."""
+    """A program's core file is attached to its test; without one a warning has the reason."""
     write_files(tmp_path, {"s.xml": '<suite name="s"><test name="p" type="exit">p.sh</test></suite>', "p.sh": CRASHES})
     outcome = run_command(tmp_path, "s.xml", "--core-dumps")
     assert outcome.verdict("p") is Verdict.ERROR
@@ -134,7 +134,7 @@ def test_core_dumps_are_kept_where_the_kernel_writes_them(tmp_path: Path):
     ],
 )
 def test_why_there_is_no_core_dump_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pattern: str, problem: str):
-    """Most systems hand core dumps to a program of their own."""
+    """The reason for a missing core dump is reported, such as a program that gets it from the kernel."""
     from rtf.testing.languages import program
 
     told = tmp_path / "pattern"
@@ -144,7 +144,7 @@ def test_why_there_is_no_core_dump_is_said(tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_a_core_file_is_found_by_the_pattern_of_the_kernel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Whatever variables it has."""
+    """A core file is found by the kernel's pattern, with its variables."""
     from rtf.testing.languages import program
 
     told = tmp_path / "pattern"

@@ -1,4 +1,4 @@
-"""Tests of one suite at the same time: each on its own copy of the fixtures, never two on what is there once."""
+"""Tests of a suite at the same time, each on its own copy of the fixtures, never two with one resource."""
 
 from __future__ import annotations
 
@@ -54,13 +54,13 @@ def run(tmp_path: Path, xml: str, occupies: str = "", **options: object) -> Outc
 
 
 def meet(name: str, *others: str, attributes: str = "") -> str:
-    """A test that waits for others that have to run at the same time."""
+    """Return a test that waits for others to run at the same time."""
     words = f"--others ({' '.join(others)})" if others else ""
     return f'<test name="{name}" {attributes} param="--me {name} {words}">meet.py</test>'
 
 
 def overlap(outcome: Outcome, one: str, other: str) -> bool:
-    """Whether two tests ran at the same time."""
+    """Return whether two tests ran at the same time."""
     times = {}
     for name in (one, other):
         (began,) = outcome.of(TestStarted, test=f"s/{name}")
@@ -71,7 +71,7 @@ def overlap(outcome: Outcome, one: str, other: str) -> bool:
 
 
 def test_tests_of_a_suite_run_at_once_each_on_a_copy_of_its_fixtures(tmp_path: Path):
-    """Two tests that need each other both pass, on two rigs, in one suite that begins and ends once, in its order."""
+    """Two tests that wait for each other pass on two copies, in one suite."""
     fixture = '<fixture name="rig" param="--where bench${copy}">rig.py</fixture>'
     outcome = run(tmp_path, fixture + meet("a", "b") + meet("b", "a") + meet("c"))
     assert [(test.id, test.verdict) for test in outcome.results.tests.values()] == [
@@ -86,13 +86,13 @@ def test_tests_of_a_suite_run_at_once_each_on_a_copy_of_its_fixtures(tmp_path: P
 
 
 def test_one_suite_worker_has_the_first_copy(tmp_path: Path):
-    """Without -j the variable has a value all the same."""
+    """Without ``-j`` the variable ``copy`` is 1."""
     outcome = run(tmp_path, '<fixture param="--where bench${copy}">rig.py</fixture>' + meet("a") + meet("b"), jobs=1)
     assert [(outcome.folder / f"mark-{name}").read_text() for name in "ab"] == ["bench1", "bench1"]
 
 
 def test_what_a_test_requires_or_occupies_is_waited_for(tmp_path: Path):
-    """One that requires another comes after it, two that occupy the same thing do not overlap, others do."""
+    """A test runs after those that it requires, and not together with one that occupies the same."""
     xml = (
         meet("a", "b", attributes='occupies="camera"')
         + meet("late", attributes='requires="test:a"')
@@ -110,7 +110,7 @@ def test_what_a_test_requires_or_occupies_is_waited_for(tmp_path: Path):
     ("where", "occupies"), [("bench", ""), ("bench${copy}", 'occupies = "robot"')], ids=["the same", "a robot"]
 )
 def test_what_is_there_once_is_never_used_twice(tmp_path: Path, where: str, occupies: str):
-    """A fixture with the same param in every copy, or of a real robot, is shared, and that is told."""
+    """A fixture with the same parameters in each copy, or of a robot, is shared, with a warning."""
     fixture = f'<fixture name="rig" param="--where {where}">rig.py</fixture>'
     outcome = run(tmp_path, fixture + meet("a") + meet("b"), occupies)
     assert not overlap(outcome, "a", "b")
@@ -120,7 +120,7 @@ def test_what_is_there_once_is_never_used_twice(tmp_path: Path, where: str, occu
 
 
 def test_a_class_says_what_its_tests_occupy(tmp_path: Path):
-    """As it does for tags."""
+    """A test class can declare what it occupies."""
     declared = TEST.replace('safety = "still"', 'safety = "still"\n    occupies = "camera"')
     text = f'<suite name="s" copies="2">{meet("a")}{meet("b")}</suite>'
     outcome = run_suite(tmp_path, text, options={"jobs": 2}, meet__py=declared)
@@ -128,7 +128,7 @@ def test_a_class_says_what_its_tests_occupy(tmp_path: Path):
 
 
 def test_an_interrupt_reaches_those_that_wait(tmp_path: Path):
-    """A test that waits for what another one occupies is not run."""
+    """An interrupt leaves out a test that waits for an occupied resource."""
     xml = meet("a", "never", attributes='occupies="x"') + meet("b", attributes='occupies="x"')
 
     def interfere(run: Run) -> None:

@@ -1,4 +1,4 @@
-"""Events on the wire and in the journal: what is written can be read, and what is read is an event or an EventError."""
+"""Events as lines: written ones read back, and any line is an event or an EventError."""
 
 from __future__ import annotations
 
@@ -46,18 +46,18 @@ OF_TYPE = {
 
 
 def events_of(cls: type[Event]) -> st.SearchStrategy[Event]:
-    """Any event of a class, built from what its members may be."""
+    """Generate events of a class, with any members."""
     return st.builds(cls, **{name: OF_TYPE[annotation] for name, annotation in members_of(cls).items()})
 
 
 def members_of(cls: type[Event]) -> dict[str, str]:
-    """The members of a class with their types, as they are written in the source."""
+    """Return the members of a class with their types as in the source."""
     annotations = {**Event.__annotations__, **cls.__annotations__}
     return {name: annotations[name] for name in cls.__struct_fields__}
 
 
 def same(one: object, other: object) -> bool:
-    """Equal, where no number equals no number."""
+    """Compare two values; NaN equals NaN."""
     if isinstance(one, float) and isinstance(other, float) and math.isnan(one):
         return math.isnan(other)
     if isinstance(one, tuple) and isinstance(other, tuple):
@@ -66,7 +66,7 @@ def same(one: object, other: object) -> bool:
 
 
 def test_every_class_of_event_is_known_by_its_kind():
-    """The table of kinds holds each class, and nothing else."""
+    """The table of kinds has every class of events."""
     assert set(events.KINDS.values()) == set(Event.__subclasses__())
 
 
@@ -74,7 +74,7 @@ def test_every_class_of_event_is_known_by_its_kind():
 @given(data=st.data())
 @settings(max_examples=25, deadline=None)
 def test_event_that_is_written_is_read_back(kind: str, data: st.DataObject):
-    """One line of strict JSON, and the same event from it, whatever its members hold."""
+    """An event is one line of strict JSON, and the same after reading."""
     event = data.draw(events_of(events.KINDS[kind]))
     line = to_line(event)
     assert line.endswith(b"\n")
@@ -97,7 +97,7 @@ def test_event_that_is_written_is_read_back(kind: str, data: st.DataObject):
 )
 @settings(max_examples=100, deadline=None)
 def test_record_of_anything_is_an_event_or_an_event_error(record: object):
-    """Any JSON value as a whole line is refused as ours."""
+    """JSON that is no event raises EventError."""
     with pytest.raises(EventError):
         from_line(json.dumps(record))
 
@@ -106,7 +106,7 @@ def test_record_of_anything_is_an_event_or_an_event_error(record: object):
 @given(data=st.data())
 @settings(max_examples=15, deadline=None)
 def test_member_of_another_type_is_refused(kind: str, data: st.DataObject):
-    """A member that holds what it may not hold makes no event; a reader never meets a wrong type."""
+    """A member of a wrong type raises EventError."""
     event = data.draw(events_of(events.KINDS[kind]))
     record = json.loads(to_line(event))
     name = data.draw(st.sampled_from(event.__struct_fields__))
@@ -158,7 +158,7 @@ def test_member_of_another_type_is_refused(kind: str, data: st.DataObject):
     ],
 )
 def test_line_that_is_no_event_is_refused_with_a_reason(line: str | bytes, words: str):
-    """The error says what is wrong, and is short whatever the line was."""
+    """The error about any other line has a reason, and is short."""
     with pytest.raises(EventError) as caught:
         from_line(line)
     assert words in str(caught.value)
@@ -166,13 +166,13 @@ def test_line_that_is_no_event_is_refused_with_a_reason(line: str | bytes, words
 
 
 def test_members_that_are_not_known_are_dropped():
-    """A journal of a newer version can be read: new members of known events do not matter."""
+    """Unknown members are ignored, so that journals of newer versions can be read."""
     event = from_line('{"event":"interrupted","source":"x","stage":1,"colour":"red","time":5}')
     assert event == events.Interrupted(source="x", stage=1, time=5)
 
 
 def test_kind_that_is_not_known_is_an_error_of_its_own():
-    """A reader can pass over what a newer version writes, and only that."""
+    """An unknown kind raises UnknownEventError, so that readers can skip it."""
     with pytest.raises(UnknownEventError):
         from_line('{"event":"teleported"}')
     with pytest.raises(EventError) as caught:
@@ -181,13 +181,13 @@ def test_kind_that_is_not_known_is_an_error_of_its_own():
 
 
 def test_members_at_their_default_are_left_out():
-    """The journal stays small: a line holds what is not as always."""
+    """Members with their default are not written."""
     line = to_line(Message(severity=Severity.INFO, title="x", time=1.0))
     assert json.loads(line) == {"event": "message", "time": 1.0, "severity": "info", "title": "x"}
 
 
 def test_numbers_that_json_lacks_are_words():
-    """Not a number and the infinities are strings, and come back as numbers."""
+    """NaN and infinities are written as strings, and read as numbers."""
     line = to_line(Measured(test="t", name="n", value=math.nan, low=-math.inf, high=math.inf, time=1.0))
     assert json.loads(line) == {
         "event": "measured",
@@ -205,7 +205,7 @@ def test_numbers_that_json_lacks_are_words():
 
 
 def test_text_and_numbers_of_classes_of_their_own_are_written():
-    """What numpy gives for a number or a text is one."""
+    """Numbers and texts of numpy are written as plain ones."""
     event = Measured(test=np.str_("t"), name="n", value=np.float64(1.5), low=np.float64("nan"), time=1.0)
     assert json.loads(to_line(event)) == {
         "event": "measured",
@@ -219,7 +219,7 @@ def test_text_and_numbers_of_classes_of_their_own_are_written():
 
 @pytest.mark.parametrize("kind", ["fixture_changed", "fixture_incident"])
 def test_generation_under_its_former_name_is_read(kind: str):
-    """Journals that were written when a generation was called an incarnation are read as others are."""
+    """Journals with the former name of ``generation`` can be read."""
     members = {"fixture": "rig", "suite": "s", "state": "ready", "phase": "run", "cause": "exit"}
     event = from_line(json.dumps({"event": kind, "incarnation": 2, **members}))
     assert isinstance(event, events.FixtureChanged | events.FixtureIncident)
@@ -228,7 +228,7 @@ def test_generation_under_its_former_name_is_read(kind: str):
 
 @pytest.mark.fuzz
 def test_mangled_lines():
-    """Whatever becomes of a line, it is an event or an EventError."""
+    """A damaged line is an event, or raises EventError."""
     rng = random.Random(1)
     lines = [
         to_line(

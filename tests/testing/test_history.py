@@ -1,4 +1,4 @@
-"""The file of the history: what is put in comes out, whole or not at all, whoever else writes and whatever dies."""
+"""The history's file: runs are stored whole or not at all, also with several writers and after a kill."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from rtf.testing.verdict import MeasurementVerdict, Verdict
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
-    """Where a history may be made."""
+    """The path of a history that does not exist yet."""
     return tmp_path / "data" / "history.sqlite"
 
 
@@ -42,7 +42,7 @@ def write_journal(folder: Path, *events: Event) -> Path:
 
 
 def record(path: Path, *events: Event) -> None:
-    """Put a run in that has these events, and results that are known already."""
+    """Store a run with these events and their results."""
     results = RunResult()
     for event in events:
         results.apply(event)
@@ -51,29 +51,29 @@ def record(path: Path, *events: Event) -> None:
 
 
 def started(**more: object) -> RunStarted:
-    """The beginning of a run."""
+    """Return the event that begins a run."""
     members = {"time": BEGAN, "run": "run-1", "version": "0.1", "robot": "icub01", "station": "bench", **more}
     return RunStarted(**members)
 
 
 def attempt(test: str, verdict: Verdict, *said: Event, number: int = 1, final: bool = True) -> list[Event]:
-    """One attempt at a test."""
+    """Return the events of an attempt at a test."""
     ended = TestEnded(test=test, verdict=verdict, outcome=verdict, attempt=number, final=final, duration=0.5)
     return [TestStarted(test=test, attempt=number), *said, ended]
 
 
 def planned(test: str = "s/t") -> TestPlanned:
-    """The plan of a test."""
+    """Return the plan of a test."""
     return TestPlanned(test=test, suite=test.partition("/")[0], name=test.rpartition("/")[2])
 
 
 def measured(value: float, test: str = "s/t", name: str = "error", **more: object) -> Measured:
-    """A measurement."""
+    """Return a measurement."""
     return Measured(test=test, name=name, value=value, unit="deg", **more)
 
 
 def only_run(path: Path) -> tuple:
-    """The one run in a history, with its tests and measurements."""
+    """Return the only run of a history, with its tests and measurements."""
     with History(path) as history:
         ((number, run),) = history.runs()
         return run, history.tests(number), history.measurements(number)
@@ -83,7 +83,7 @@ def only_run(path: Path) -> tuple:
 
 
 def test_a_run_is_kept_with_its_tests_and_measurements(path: Path):
-    """Every column says what the events said."""
+    """Every column has the value of the events."""
     record(
         path,
         started(seed=7, environment={"host": "h", "user": "u"}, command=("--suite", "s.xml")),
@@ -105,7 +105,7 @@ def test_a_run_is_kept_with_its_tests_and_measurements(path: Path):
 
 
 def test_what_is_measured_again_is_counted(path: Path):
-    """In the order in which it was measured, each subject for itself."""
+    """Repeated measurements of a subject are numbered in order."""
     said = [measured(3.0), measured(1.0), measured(2.0, subject="knee"), measured(0.0)]
     record(path, started(), planned(), *attempt("s/t", Verdict.PASSED, *said))
     rows = [(row[1], row[3], row[4]) for row in only_run(path)[2]]
@@ -113,7 +113,7 @@ def test_what_is_measured_again_is_counted(path: Path):
 
 
 def test_of_several_attempts_the_last_counts(path: Path):
-    """What was measured before belongs to what failed; the number of attempts is kept."""
+    """Of several attempts the last one's measurements are stored, with the number of attempts."""
     record(
         path,
         started(),
@@ -127,7 +127,7 @@ def test_of_several_attempts_the_last_counts(path: Path):
 
 
 def test_the_same_run_again_takes_its_own_place(path: Path):
-    """A report made later, or a resumed run, leaves one run: that of the first start."""
+    """Storing a run again, also after resuming, replaces it."""
     record(path, started(), planned(), *attempt("s/t", Verdict.FAILED, measured(9.0)))
     record(
         path,
@@ -143,7 +143,7 @@ def test_the_same_run_again_takes_its_own_place(path: Path):
 
 @pytest.mark.parametrize("other", [{"run": "run-2"}, {"time": BEGAN + 1}, {"station": "field"}])
 def test_other_runs_have_places_of_their_own(path: Path, other: dict[str, object]):
-    """A run is told by its folder's name, its start and its station."""
+    """A run is identified by folder name, start and station."""
     record(path, started())
     record(path, started(**other))
     with History(path) as history:
@@ -151,14 +151,14 @@ def test_other_runs_have_places_of_their_own(path: Path, other: dict[str, object
 
 
 def test_a_run_that_has_not_begun_leaves_nothing(path: Path):
-    """There is nothing to say of it."""
+    """A run without events is not stored."""
     record(path)
     with History(path) as history:
         assert history.runs() == []
 
 
 def test_any_sqlite_tool_reads_it(path: Path):
-    """Plain tables with names that speak, consistent, and a version in the header."""
+    """The file is a consistent SQLite database with plain tables and a version."""
     record(path, started(), planned(), *attempt("s/t", Verdict.PASSED, measured(1.5)))
     with sqlite3.connect(path) as plain:
         query = "SELECT r.robot, m.value FROM measurements m JOIN runs r ON r.id = m.run WHERE m.name = 'error'"
@@ -180,7 +180,7 @@ TEXT = st.text(st.characters(), max_size=6) | st.text(st.characters(categories=[
     st.lists(st.tuples(TEXT, TEXT, st.floats(), st.none() | st.floats(), st.sampled_from(MeasurementVerdict))),
 )
 def test_whatever_is_measured_comes_out_again(names: tuple[str, ...], values: list):
-    """Any text and any number: numbers to the last bit, those that are none by name, text with surrogates fixed."""
+    """Any text and number is stored exactly; NaN by name, surrogates replaced."""
     test, robot, station, run = names
     said = [
         Measured(test=test, name=name, subject=subject, value=value, low=low, verdict=verdict, unit=name)
@@ -209,7 +209,7 @@ def _readable(text: str) -> str:
 
 
 def test_a_megabyte_in_every_text_is_kept(path: Path):
-    """Long names are slow, and that is all."""
+    """Texts of a megabyte are stored whole."""
     long = "x\x1b\0" + "y" * 1_000_000
     record(
         path,
@@ -222,7 +222,7 @@ def test_a_megabyte_in_every_text_is_kept(path: Path):
 
 
 def test_an_archived_run_is_put_in_as_it_was_at_its_end(path: Path, tmp_path: Path):
-    """From its journal alone, that of a killed runner, too; what was running then was interrupted."""
+    """A run is imported from its journal; what was running when it was killed is interrupted."""
     events = [started(), planned(), planned("s/u"), *attempt("s/t", Verdict.PASSED, measured(1.0))]
     events += [TestStarted(test="s/u"), measured(2.0, test="s/u")]
     with History(path, create=True) as history:
@@ -234,7 +234,7 @@ def test_an_archived_run_is_put_in_as_it_was_at_its_end(path: Path, tmp_path: Pa
 
 
 def test_memory_does_not_grow_with_the_run(path: Path, tmp_path: Path):
-    """Fifty thousand measurements go from one file to the other."""
+    """Importing fifty thousand measurements takes little memory."""
     said = [measured(number, name=f"error {number % 100}") for number in range(50_000)]
     run = write_journal(tmp_path / "run-1", started(), planned(), *attempt("s/t", Verdict.PASSED, *said))
     del said
@@ -278,7 +278,7 @@ TESTS = str(Path(__file__).parents[1])
 
 
 def test_several_testrunners_write_at_once(path: Path):
-    """Also when the file is not there yet: all make it, and no run is lost."""
+    """Several runners can create and write the file at the same time."""
     arguments = [[sys.executable, "-c", WRITER, str(path), f"station {number}", TESTS] for number in range(4)]
     writers = [subprocess.Popen(words) for words in arguments]
     assert [writer.wait(60) for writer in writers] == [0, 0, 0, 0]
@@ -289,7 +289,7 @@ def test_several_testrunners_write_at_once(path: Path):
 
 
 def test_a_writer_killed_in_the_middle_leaves_no_half_run(path: Path):
-    """What it had written of its run is gone, the others are whole, and the next one can write at once."""
+    """A killed writer leaves no part of its run, and the next one can write at once."""
     put(path, stored(0), {"s/t": Verdict.PASSED})
     with subprocess.Popen([sys.executable, "-c", HALF, str(path), TESTS], stdout=subprocess.PIPE, text=True) as writer:
         assert writer.stdout is not None
@@ -305,7 +305,7 @@ def test_a_writer_killed_in_the_middle_leaves_no_half_run(path: Path):
 
 
 def test_readers_do_not_wait_for_a_writer(path: Path):
-    """They see what was there before."""
+    """Readers see the former state while a writer is at work."""
     put(path, stored(0))
     writer = sqlite3.connect(path, isolation_level=None)
     writer.execute("BEGIN IMMEDIATE")
@@ -317,7 +317,7 @@ def test_readers_do_not_wait_for_a_writer(path: Path):
 
 
 def test_a_file_that_stays_locked_is_told_of(path: Path, monkeypatch: pytest.MonkeyPatch):
-    """After some patience, with the hint."""
+    """A file that stays locked is an error with a hint."""
     monkeypatch.setattr(database, "_PATIENCE", 0.05)
     put(path, stored(0))
     writer = sqlite3.connect(path, isolation_level=None)
@@ -331,7 +331,7 @@ def test_a_file_that_stays_locked_is_told_of(path: Path, monkeypatch: pytest.Mon
 
 
 def test_a_file_that_is_not_there_is_made_only_for_writing(path: Path):
-    """Whoever wants to look is told how one comes to be."""
+    """Reading a missing history is an error with a hint, and makes no file."""
     with pytest.raises(HistoryError, match=r"there is no history .* yet: run tests with --history"):
         History(path)
     assert not path.parent.exists()
@@ -339,7 +339,7 @@ def test_a_file_that_is_not_there_is_made_only_for_writing(path: Path):
 
 @pytest.mark.parametrize("content", [b"no database" * 100, b"SQLite format 3\0" + os.urandom(8000)])
 def test_a_damaged_file_is_refused_and_left_alone(tmp_path: Path, content: bytes):
-    """With what to do."""
+    """A damaged file is refused with a hint, and not changed."""
     path = tmp_path / "h.sqlite"
     path.write_bytes(content)
     for create in (True, False):
@@ -349,7 +349,7 @@ def test_a_damaged_file_is_refused_and_left_alone(tmp_path: Path, content: bytes
 
 
 def test_damage_inside_is_told_of(path: Path):
-    """A page in the middle that is none: an error with the hint, no traceback of the database."""
+    """A damaged page is an error with a hint."""
     for index in range(50):
         put(path, stored(index), {f"s/{n}": Verdict.PASSED for n in range(50)})
     data = bytearray(path.read_bytes())
@@ -367,7 +367,7 @@ def test_damage_inside_is_told_of(path: Path):
 
 @pytest.mark.parametrize("create", [True, False])
 def test_a_newer_version_is_refused(path: Path, create: bool):
-    """By a number that only a newer RTF can have written."""
+    """A file of a newer version is refused."""
     put(path, stored(0))
     plain = sqlite3.connect(path)
     plain.execute(f"PRAGMA user_version = {len(STEPS) + 1}")
@@ -377,7 +377,7 @@ def test_a_newer_version_is_refused(path: Path, create: bool):
 
 
 def test_a_database_of_something_else_is_refused_and_left_alone(tmp_path: Path):
-    """Nobody wants our tables in the history of a browser."""
+    """Another program's database is refused, and not changed."""
     path = tmp_path / "places.sqlite"
     plain = sqlite3.connect(path)
     plain.execute("CREATE TABLE places (url)")
@@ -390,7 +390,7 @@ def test_a_database_of_something_else_is_refused_and_left_alone(tmp_path: Path):
 
 
 def test_an_empty_file_becomes_a_history(tmp_path: Path):
-    """As ``mktemp`` makes one."""
+    """An empty file, such as of ``mktemp``, is made a history."""
     path = tmp_path / "h.sqlite"
     path.touch()
     put(path, stored(0))
@@ -399,7 +399,7 @@ def test_an_empty_file_becomes_a_history(tmp_path: Path):
 
 
 def test_ids_of_an_older_version_are_renewed(path: Path):
-    """What was recorded when ids were in lower case and numbered is found under the ids of now; values stay."""
+    """Ids of an older version are translated into present ones, with their values."""
     path.parent.mkdir(parents=True, exist_ok=True)
     plain = sqlite3.connect(path)
     migrate(plain, STEPS[:1])
@@ -419,7 +419,7 @@ def test_ids_of_an_older_version_are_renewed(path: Path):
 
 
 def test_an_older_version_is_brought_up_to_date(path: Path, monkeypatch: pytest.MonkeyPatch):
-    """With all that is in it; a step that fails leaves the file as it was."""
+    """An older file is migrated with its contents; a failed step leaves it unchanged."""
     put(path, stored(0), {"s/t": Verdict.PASSED})
     monkeypatch.setattr(database, "STEPS", (*STEPS, ("CREATE TABLE notes (run)", "no SQL")))
     with pytest.raises(HistoryError):
@@ -438,7 +438,7 @@ def test_an_older_version_is_brought_up_to_date(path: Path, monkeypatch: pytest.
 
 
 def test_pruning_keeps_the_newest_of_each_robot_and_station(path: Path):
-    """Tests and measurements go with their runs, and the space is given back."""
+    """Pruning keeps the newest runs of each robot and station, and frees the space of the others."""
     for index in range(6):
         put(path, stored(index), {f"s/{n}": Verdict.PASSED for n in range(500)})
     put(path, stored(0, station="field"))
@@ -455,7 +455,7 @@ def test_pruning_keeps_the_newest_of_each_robot_and_station(path: Path):
 
 
 def test_a_run_is_forgotten_by_its_name(path: Path):
-    """With all that belongs to it."""
+    """Forgetting a run removes its tests and measurements."""
     put(path, stored(0), {"s/t": Verdict.PASSED})
     put(path, stored(1), {"s/t": Verdict.PASSED})
     with History(path) as history:
@@ -465,7 +465,7 @@ def test_a_run_is_forgotten_by_its_name(path: Path):
 
 
 def test_robots_and_stations_are_asked_for_by_name_or_pattern(path: Path):
-    """A name that looks like a pattern is found, too."""
+    """Robots and stations are selected by name or pattern, also names that look like patterns."""
     for index, robot in enumerate(["icub01", "icub02", "[r1]", ""]):
         put(path, stored(index, robot=robot))
     with History(path) as history:
@@ -475,7 +475,7 @@ def test_robots_and_stations_are_asked_for_by_name_or_pattern(path: Path):
 
 
 def test_the_columns_are_those_of_the_class(path: Path):
-    """A run comes out as it was put in."""
+    """A stored run is read with the same fields."""
     run = replace(stored(3), seed=5, ended=None, duration=None, command='["a"]')
     put(path, run)
     assert astuple(only_run(path)[0]) == astuple(run)

@@ -1,4 +1,4 @@
-"""What the history says over time: found where it is, not found where it is not, in the shape that the page reads."""
+"""Trends of the history: found where there are some, not found in noise, in the shape that the page reads."""
 
 from __future__ import annotations
 
@@ -85,12 +85,12 @@ KEY = ("s/t", "knee", "error")
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
-    """A history that is not there yet."""
+    """The path of a history that does not exist yet."""
     return tmp_path / "h.sqlite"
 
 
 def found(path: Path, **asked: Any) -> dict[str, Any]:
-    """The trends, checked for their shape and as strict JSON."""
+    """Return the trends, checked for their shape and strict JSON."""
     with History(path, create=True) as history:
         told = json.loads(json.dumps(trends(history, **asked), allow_nan=False))
     VALIDATOR.validate(told)
@@ -102,7 +102,7 @@ def found(path: Path, **asked: Any) -> dict[str, Any]:
 
 
 def series(path: Path, values: list[float | list[float]], **limits: float) -> dict[str, Any]:
-    """What is told of one measurement with these values, a run each."""
+    """Return the trend of a measurement with these values, one run each."""
     for index, value in enumerate(values):
         group = value if isinstance(value, list) else [value]
         put(
@@ -115,7 +115,7 @@ def series(path: Path, values: list[float | list[float]], **limits: float) -> di
 
 
 def verdicts(path: Path, *words: str | None) -> dict[str, Any]:
-    """What is told of one test with these verdicts, a run each; None is a run without it."""
+    """Return the trend of a test with these verdicts, one run each; None is a run without the test."""
     for index, word in enumerate(words):
         put(path, stored(index), {"s/t": word} if word else {"s/other": "passed"})
     return found(path)["tests"]["s/t"]
@@ -125,7 +125,7 @@ def verdicts(path: Path, *words: str | None) -> dict[str, Any]:
 
 
 def test_a_drift_is_found_and_followed_to_the_limit(path: Path):
-    """A joint that gets 0.02 deg worse a run, in noise: slope, unit, limit and how many runs are left."""
+    """A drift in noise is found with slope, unit, limit and the number of runs until the limit."""
     noise = random.Random(3)
     told = series(path, [1 + 0.02 * n + noise.gauss(0, 0.05) for n in range(40)], low=0.0, high=2.0)
     drift = told["drift"]
@@ -138,30 +138,30 @@ def test_a_drift_is_found_and_followed_to_the_limit(path: Path):
 
 
 def test_a_falling_value_goes_to_the_lower_limit(path: Path):
-    """An exact line: ten steps are left."""
+    """A falling value drifts to its lower limit."""
     drift = series(path, [100.0 - n for n in range(20)], low=71.0, high=200.0)["drift"]
     assert (drift["slope"], drift["limit"], drift["after"]) == (-1.0, 71.0, 10)
 
 
 def test_what_is_beyond_its_limit_is_there(path: Path):
-    """No run is left, not fewer than none."""
+    """A value beyond its limit has no runs left."""
     assert series(path, [float(n) for n in range(20)], high=10.0)["drift"]["after"] == 0
 
 
 def test_a_limit_that_is_far_away_is_not_dated(path: Path):
-    """Twenty runs say nothing of the thousandth."""
+    """A distant limit has no number of runs."""
     drift = series(path, [float(n) for n in range(20)], high=1e6)["drift"]
     assert (drift["limit"], drift["after"], drift["believed"]) == (1e6, None, True)
 
 
 def test_away_from_the_only_limit_is_no_way_to_it(path: Path):
-    """The drift is told, without a limit."""
+    """A drift away from the only limit has no limit."""
     drift = series(path, [float(n) for n in range(20)], low=-1.0)["drift"]
     assert (drift["limit"], drift["after"], drift["believed"]) == (None, None, True)
 
 
 def test_noise_is_no_drift(path: Path):
-    """Of a hundred measurements of noise a few have a p below 0.05, and none is believed."""
+    """Of a hundred measurements of noise none is believed to drift."""
     noise = random.Random(11)
     for index in range(30):
         values = {("s/t", "", f"error {n}"): Measurement("error", noise.gauss()) for n in range(100)}
@@ -174,17 +174,17 @@ def test_noise_is_no_drift(path: Path):
 
 @pytest.mark.parametrize("count", [1, 9, 10])
 def test_few_runs_tell_no_drift(path: Path, count: int):
-    """Ten are needed."""
+    """A drift needs ten runs."""
     assert (series(path, [float(n) for n in range(count)])["drift"] is None) == (count < 10)
 
 
 def test_a_constant_does_not_drift(path: Path):
-    """All its values are tied."""
+    """A constant value has no drift."""
     assert series(path, [1.0] * 20)["drift"]["p"] == 1
 
 
 def test_repetitions_count_by_their_middle(path: Path):
-    """One outlier in a run does not make a drift; each value is a point, and many are thinned to three."""
+    """Repetitions in a run count by their median, so that an outlier is no drift."""
     told = series(path, [[5.0, 5.0 + n, 1000.0] for n in range(12)])
     assert told["drift"]["slope"] == pytest.approx(1)
     assert len(told["points"]) == 36
@@ -192,13 +192,13 @@ def test_repetitions_count_by_their_middle(path: Path):
 
 
 def test_many_values_of_one_run_are_thinned_to_smallest_middle_and_largest(path: Path):
-    """A plot of fifty runs stays small."""
+    """Of many values of a run the smallest, median and largest are points."""
     told = series(path, [[float(n) for n in range(100)]])
     assert [point[1] for point in told["points"]] == [0.0, 50.0, 99.0]
 
 
 def test_values_that_are_no_numbers_are_there_without_one(path: Path):
-    """They fail, and have no part in the drift."""
+    """NaN is a failed point without a value, and no part of the drift."""
     put(path, stored(0), {"s/t": "failed"})
     with History(path, create=True) as history:
         row = (*KEY, 0, None, "NaN", "deg", 0.0, 1.0, None, "failed")
@@ -228,26 +228,26 @@ def test_values_that_are_no_numbers_are_there_without_one(path: Path):
     ],
 )
 def test_flaky_is_what_goes_back_and_forth(path: Path, words: list[str | None], flaky: bool):
-    """Or passed only at a later attempt. What was not judged says nothing."""
+    """A test is flaky if its verdict alternates, or if it passed at a later attempt only."""
     told = verdicts(path, *words)
     assert told["flaky"] is flaky
     assert told["verdicts"] == words
 
 
 def test_the_pass_rate_counts_what_was_judged(path: Path):
-    """Three of four, with the Wilson interval; a late pass is a pass."""
+    """The pass rate counts judged runs, with its Wilson interval; a late pass is a pass."""
     told = verdicts(path, "passed", "blocked", "flaky", "failed", "skipped", "measured", "interrupted", "not run")
     assert told["pass_rate"] == pytest.approx([0.75, 0.3006, 0.9544], abs=1e-4)
 
 
 def test_where_nothing_was_judged_nothing_is_known(path: Path):
-    """The interval is everything."""
+    """Without judged runs the interval is from 0 to 1."""
     assert verdicts(path, "skipped", "not run")["pass_rate"] == [0, 0, 1]
     assert series(path, [1.0])["pass_rate"] == [0, 0, 1]
 
 
 def test_a_run_passes_a_measurement_when_all_its_values_do(path: Path):
-    """Repetitions in one run are no independent trials."""
+    """A run passes a measurement if all its repetitions pass."""
     assert series(path, [[1.0, 1.0, 3.0], [1.0, 1.0]], high=2.0)["pass_rate"][0] == 0.5
 
 
@@ -255,12 +255,12 @@ def test_a_run_passes_a_measurement_when_all_its_values_do(path: Path):
 
 
 def test_an_empty_history_has_no_trends(path: Path):
-    """All parts are there, and empty."""
+    """The trends of an empty history have all parts, empty."""
     assert found(path) == {"runs": [], "measurements": {}, "tests": {}}
 
 
 def test_the_last_runs_count(path: Path):
-    """Oldest first; what is not in them is not told of."""
+    """Only the last runs count, oldest first."""
     for index in range(8):
         put(path, stored(index), {"s/old" if index < 3 else "s/new": "passed"})
     told = found(path, last=4)
@@ -269,7 +269,7 @@ def test_the_last_runs_count(path: Path):
 
 
 def test_robots_and_stations_are_not_mixed_unless_asked_for(path: Path):
-    """Those of the newest run count, or those that are named."""
+    """Trends are of the newest run's robot and station, or of the named ones."""
     for index, (robot, station) in enumerate([("r1", "a"), ("r2", "a"), ("r2", "b"), ("r1", "a"), ("r2", "a")]):
         put(path, stored(index, robot=robot, station=station))
 
@@ -285,7 +285,7 @@ def test_robots_and_stations_are_not_mixed_unless_asked_for(path: Path):
 
 
 def test_runs_of_other_suites_take_no_room(path: Path):
-    """The last runs in which there is something of the suites that are asked for."""
+    """Only runs with the named suites count."""
     for index in range(9):
         suite = ("arm", "leg", "arm")[index % 3]
         put(path, stored(index), {f"{suite}/t": "passed"}, {(f"{suite}/t", "", "error"): Measurement("error", 1.0)})
@@ -312,7 +312,7 @@ def test_runs_of_other_suites_take_no_room(path: Path):
 def test_tests_and_measurements_are_named_by_parts_or_patterns(
     path: Path, names: list[str], tests: set[str], measurements: set[str]
 ):
-    """Of the test's id, the subject, the measurement's name, or all of them together."""
+    """Tests and measurements are selected by parts or patterns of id, subject and name."""
     values = {
         ("arm/reach", "knee", "error"): Measurement("error", 1.0),
         ("arm/reach", "", "supply"): Measurement("supply", 24.0),
@@ -325,7 +325,7 @@ def test_tests_and_measurements_are_named_by_parts_or_patterns(
 
 
 def test_without_names_everything_is_asked_for(tmp_path: Path):
-    """Also runs in which there is nothing."""
+    """Without names all runs count, also empty ones."""
     put(tmp_path / "h.sqlite", stored(0))
     with History(tmp_path / "h.sqlite") as history:
         assert [len(trends(history, names=names)["runs"]) for names in ((), ("x",))] == [1, 0]
@@ -345,7 +345,7 @@ VALUES = st.floats(allow_nan=False, allow_infinity=False) | st.sampled_from([1.7
     ),
 )
 def test_whatever_is_in_it_the_answer_has_its_shape(tmp_path_factory: pytest.TempPathFactory, runs: list):
-    """Any verdict, also of a newer RTF; any numbers, also those whose difference is none."""
+    """Any verdicts and numbers give trends of the valid shape."""
     path = tmp_path_factory.mktemp("any") / "h.sqlite"
     for index, (verdict, values) in enumerate(runs):
         measured = [Measurement("error", value, Unit.NONE, low, high) for value, low, high in values]

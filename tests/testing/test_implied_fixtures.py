@@ -1,4 +1,4 @@
-"""What tests are asked that no suite names: whoever may move something gives an answer, or is not run."""
+"""Implied fixtures of tests: a test that may move something names its fixtures, or is not run."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ BESIDE = "from typing import NamedTuple\nclass Step(NamedTuple):\n    size: int\
     ],
 )
 def test_it_is_asked_unless_it_plainly_moves_nothing(tmp_path: Path, text: str):
-    """However its safety is written."""
+    """A test whose text does not say ``still`` is asked for its implied fixtures."""
     write_files(tmp_path, {"rig.py": RIG, "moves.py": MOVES, "tests/subject.py": text})
     outcome = run_command(tmp_path, "--test", "tests/subject.py", PYTHONPATH=str(tmp_path))
     assert outcome.exit_code == ExitCode.PASSED, outcome.stderr
@@ -55,7 +55,7 @@ def test_it_is_asked_unless_it_plainly_moves_nothing(tmp_path: Path, text: str):
     ],
 )
 def test_without_an_answer_it_is_not_run(tmp_path: Path, how: str, reason: str):
-    """Nobody would put right what it leaves. The others are run."""
+    """A test that cannot be asked is an error with the reason, and the others run."""
     silent = MOVES.replace("class Moves", "class Silent").replace('return (("rig", {}),)', how)
     write_files(tmp_path, {"rig.py": RIG, "tests/moves.py": MOVES, "tests/silent.py": silent})
     outcome = run_command(tmp_path, "--tests", "tests")

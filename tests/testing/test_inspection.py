@@ -1,4 +1,4 @@
-"""Plug-ins are loaded in a process of their own: what is found, how that ends, and what it leaves behind."""
+"""Inspection: a plug-in is loaded in a child process; its description, its failures, and nothing left behind."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ os.read(read, 1)
 
 
 def alive(pid: int) -> bool:
-    """Whether there is such a process, zombies included."""
+    """Return whether a process exists, zombies included."""
     try:
         os.kill(pid, 0)
     except ProcessLookupError:
@@ -49,14 +49,14 @@ def alive(pid: int) -> bool:
 
 
 def inspect(folder: Path, text: str) -> Inspection:
-    """Look at a plug-in with this text."""
+    """Inspect a plug-in with this text."""
     path = folder / "leaver.py"
     path.write_text(text + CASE)
     return inspect_plugin(PluginRef("test", "leaver", str(path), "python"))
 
 
 def test_result_comes_back_whole(tmp_path: Path):
-    """The description is larger than a pipe holds, and has half a character."""
+    """A description larger than a pipe's buffer is returned whole."""
     path = tmp_path / "large.py"
     path.write_text(CASE.replace("    def run", "    tags = ('\\ud800', 'x' * (1 << 20))\n    def run"))
     found = inspect_plugin(PluginRef("test", "large", str(path), "python"))
@@ -82,7 +82,7 @@ def test_result_comes_back_whole(tmp_path: Path):
 def test_why_there_is_no_result_is_a_sentence(
     tmp_path: Path, line: str, sentence: str, monkeypatch: pytest.MonkeyPatch
 ):
-    """A crash, an exit, a hang, an exception and nonsense are findings, each in one sentence."""
+    """A crash, exit, hang, exception or invalid result is a problem in one sentence."""
     if "within 1 s" in sentence:
         monkeypatch.setattr(inspection, "LOAD_LIMIT", 1.0)
     (problem,) = inspect(tmp_path, f"{line}\n").problems
@@ -102,7 +102,7 @@ class Crasher(TestCase):
 
 
 def test_one_that_crashes_spoils_no_other(tmp_path: Path):
-    """Of plug-ins that are looked at together, and of the uses of one, each has its own findings."""
+    """Each inspected plug-in, and each use of one, has its own problems."""
     texts = {"good": CASE, "bad": "import os; os._exit(7)\n", "crasher": CRASHER}
     for name, text in texts.items():
         (tmp_path / f"{name}.py").write_text(text)
@@ -115,7 +115,7 @@ def test_one_that_crashes_spoils_no_other(tmp_path: Path):
 
 @pytest.mark.parametrize("text", [FORKS, FORKS_AND_GOES_ON, DAEMON], ids=["forks", "goes on in both", "daemon"])
 def test_plugin_that_starts_processes_at_import_leaves_none(tmp_path: Path, text: str):
-    """It is described as any other, and nothing that it started is alive."""
+    """A plug-in that starts processes is described, and its processes are ended."""
     began = clock.monotonic()
     found = inspect(tmp_path, text)
     assert (found.spec.class_name, found.problems) == ("Leaver", ())
@@ -132,7 +132,7 @@ def test_child_that_does_not_end_leaves_nothing(tmp_path: Path, monkeypatch: pyt
 
 
 def test_process_that_asks_has_the_same_files_open_afterwards(tmp_path: Path):
-    """Pipes and sockets are closed, and no child is left."""
+    """Inspection leaves no descriptor open."""
 
     def open_files() -> list[str]:
         return sorted(path.name for path in Path("/proc/self/fd").iterdir())

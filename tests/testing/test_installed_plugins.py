@@ -1,4 +1,4 @@
-"""Plug-ins of installed packages: tests, fixtures, reporters, faults and languages are found by their entry points."""
+"""Plug-ins of installed packages are found by entry points: tests, fixtures, reporters, faults and languages."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def site(tmp_path: Path) -> Path:
 
 
 def test_tests_fixtures_reporters_and_languages_of_a_package_are_used_by_name(tmp_path: Path, site: Path):
-    """A suite names them as it names files; a matrix of a class that is in no plug-in folder is in the plan."""
+    """A suite uses a package's plug-ins by name, matrices included."""
     body = '<fixture> bench </fixture><test> lamp </test><test type="recipe"> soup.txt </test>'
     write_files(tmp_path, {"s.xml": f'<suite name="s">{body}</suite>', "soup.txt": "salt and water"})
     outcome = run_command(tmp_path, "--suite", "s.xml", "--report", "tally", PYTHONPATH=str(site))
@@ -70,7 +70,7 @@ def test_tests_fixtures_reporters_and_languages_of_a_package_are_used_by_name(tm
 
 
 def test_a_fault_is_a_plug_in_of_a_package_or_a_file(tmp_path: Path, site: Path, monkeypatch: pytest.MonkeyPatch):
-    """By its entry point, or by its file on the plug-in path; a name with a folder in it is refused."""
+    """A fault is found by entry point or file name; a name with a folder is refused."""
     monkeypatch.syspath_prepend(str(site))
     assert find_kind("wobble").__module__ == "lab_faults"
     sys.modules.pop("lab_faults")

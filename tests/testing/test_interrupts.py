@@ -82,7 +82,7 @@ class Test(TestCase):
 
 
 class Scene:
-    """A suite of three tests on a rig, in a folder; what they do is filled in by the test."""
+    """A suite of three tests with a fixture, in a folder."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -97,7 +97,7 @@ class Scene:
         down: str = "pass",
         stop_limit: float = 4.0,
     ) -> Command:
-        """Begin the run; the first test does ``run``, the others nothing."""
+        """Start the run; the first test executes ``run``, the others nothing."""
         suite = (
             '<fixture>rig.py</fixture><test name="a">a.py</test><test name="b">b.py</test><test name="c">b.py</test>'
         )
@@ -117,17 +117,17 @@ class Scene:
         return Command(self.folder, "--suite", "suite.xml", "--junit", "out.xml", "--grace", "0.3", *arguments)
 
     def go(self, name: str = "go") -> None:
-        """Let what waits go on."""
+        """Let a waiting test go on."""
         (self.folder / name).touch()
 
     @property
     def log(self) -> list[str]:
-        """What was noted so far."""
+        """The notes up to now."""
         path = self.folder / "log"
         return path.read_text().splitlines() if path.exists() else []
 
     def wait_until_noted(self, word: str) -> None:
-        """Wait until something is in the log."""
+        """Wait until a word is in the log."""
         deadline = clock.Deadline.after(30.0)
         while word not in self.log:
             assert not deadline.expired
@@ -136,17 +136,17 @@ class Scene:
 
 @pytest.fixture
 def scene(tmp_path: Path) -> Scene:
-    """A folder for a run that will be interrupted."""
+    """A folder for a run that is interrupted."""
     return Scene(tmp_path)
 
 
 def stage(number: int) -> Callable[[list[Event]], bool]:
-    """Whether an interrupt of this stage is in the journal."""
+    """Return a function that finds an interrupt of this stage among events."""
     return lambda events: any(isinstance(event, Interrupted) and event.stage == number for event in events)
 
 
 def interrupt(command: Command, times: int = 1, signum: int = signal.SIGINT) -> None:
-    """Interrupt a run so many times, each when the one before has been noticed."""
+    """Interrupt a run several times, each after the one before has been noticed."""
     for count in range(1, times + 1):
         command.signal(signum)
         if count < times:
@@ -154,7 +154,7 @@ def interrupt(command: Command, times: int = 1, signum: int = signal.SIGINT) -> 
 
 
 def check_end(command: Command, scene: Scene, **verdicts: Verdict) -> Outcome:
-    """Wait for the end of an interrupted run, and see that nothing was left out."""
+    """Wait for the end of an interrupted run, and check verdicts, reports and remaining processes."""
     outcome = command.wait()
     assert outcome.exit_code == 2, outcome
     assert {test.id[2:]: test.verdict for test in outcome.results.tests.values()} == verdicts
@@ -172,7 +172,7 @@ def check_end(command: Command, scene: Scene, **verdicts: Verdict) -> Outcome:
 
 
 def test_first_interrupt_lets_the_running_test_finish(scene: Scene):
-    """The running test ends as it would have, with its teardown; no other one is started."""
+    """The running test ends with its teardown, and no other one is started."""
     command = scene.start("wait_for_go()")
     scene.wait_until_noted("run")
     interrupt(command)
@@ -191,7 +191,7 @@ LOCKED = (
 
 
 def stop_as_docker_does(command: Command, signum: int, limit: float = 10.0) -> float:
-    """Ask the run to end, and kill it ``limit`` seconds later; returns how long it took."""
+    """Send a signal, kill the run after ``limit`` seconds, and return its duration."""
     began = clock.monotonic()
     command.signal(signum)
     try:
@@ -203,7 +203,7 @@ def stop_as_docker_does(command: Command, signum: int, limit: float = 10.0) -> f
 
 @pytest.mark.parametrize("signum", [signal.SIGTERM, signal.SIGHUP], ids=lambda signum: signum.name)
 def test_sigterm_ends_a_run_before_it_is_killed(scene: Scene, signum: signal.Signals):
-    """A long test is stopped at once and torn down, the fixture enters its safe state, and every report is there."""
+    """A test is stopped and torn down, the fixture enters its safe state, and reports are written in time."""
     command = scene.start("time.sleep(40)", safe="note('safe')")
     scene.wait_until_noted("run")
     assert stop_as_docker_does(command, signum) < 8
@@ -214,7 +214,7 @@ def test_sigterm_ends_a_run_before_it_is_killed(scene: Scene, signum: signal.Sig
 
 
 def test_sigterm_ends_a_run_in_which_everything_hangs(scene: Scene):
-    """The test, its fixture's safe state and its fixture's teardown are all cut short, and the reports are there."""
+    """A hung test, safe state and teardown are cut short, and reports are written in time."""
     command = scene.start(LOCKED, "--grace", "30", safe="time.sleep(40)", down=LOCKED.replace("locked", "stuck"))
     scene.wait_until_noted("locked")
     assert stop_as_docker_does(command, signal.SIGTERM) < 9  # nothing ends sooner than its limit here
@@ -225,7 +225,7 @@ def test_sigterm_ends_a_run_in_which_everything_hangs(scene: Scene):
 
 
 def test_sigterm_cuts_a_teardown_short_that_takes_too_long(scene: Scene):
-    """A test in its teardown, which a second SIGINT waits for, is not waited for either."""
+    """SIGTERM cuts a long teardown of a test short."""
     command = scene.start("pass", teardown="time.sleep(20)")
     scene.wait_until_noted("teardown")
     assert stop_as_docker_does(command, signal.SIGTERM) < 8
@@ -233,7 +233,7 @@ def test_sigterm_cuts_a_teardown_short_that_takes_too_long(scene: Scene):
 
 
 def test_a_fixture_that_needs_longer_than_a_run_has_says_so(scene: Scene):
-    """What it declares is waited for, and told with the seconds."""
+    """The stop limit that a fixture declares is waited for, and reported."""
     command = scene.start("time.sleep(40)", safe="time.sleep(4)", stop_limit=6)
     scene.wait_until_noted("run")
     assert 4 <= stop_as_docker_does(command, signal.SIGTERM) < 10
@@ -244,7 +244,7 @@ def test_a_fixture_that_needs_longer_than_a_run_has_says_so(scene: Scene):
 
 
 def test_first_interrupt_is_the_last_attempt(scene: Scene):
-    """A test that fails after the interrupt is not tried again: its failure stands."""
+    """A test that fails after the interrupt is not retried."""
     command = scene.start("wait_for_go(); self.assert_fail('wrong')", "--retries", "3")
     scene.wait_until_noted("run")
     interrupt(command)
@@ -255,7 +255,7 @@ def test_first_interrupt_is_the_last_attempt(scene: Scene):
 
 
 def test_second_interrupt_stops_the_running_test(scene: Scene):
-    """The running test is stopped where it is, and its teardown runs."""
+    """The running test is stopped, and its teardown runs."""
     command = scene.start("wait_for_go()")
     scene.wait_until_noted("run")
     interrupt(command, 2)
@@ -264,7 +264,7 @@ def test_second_interrupt_stops_the_running_test(scene: Scene):
 
 
 def test_second_interrupt_does_not_cut_a_teardown_short(scene: Scene):
-    """A test that is in its teardown already may end it."""
+    """A teardown that has begun is completed."""
     command = scene.start("pass", teardown="wait_for_go()")
     scene.wait_until_noted("teardown")
     interrupt(command, 2)
@@ -275,7 +275,7 @@ def test_second_interrupt_does_not_cut_a_teardown_short(scene: Scene):
 
 
 def test_failure_found_before_the_second_interrupt_stands(scene: Scene):
-    """A failure is never hidden by what comes after it, an interrupt included."""
+    """A failure before the interrupt is the verdict."""
     command = scene.start("self.check(False, 'wrong'); wait_for_go()")
     scene.wait_until_noted("run")
     interrupt(command, 2)
@@ -284,7 +284,7 @@ def test_failure_found_before_the_second_interrupt_stands(scene: Scene):
 
 
 def test_second_interrupt_kills_a_test_that_hangs_in_native_code(scene: Scene):
-    """What does not react to being stopped is killed after the grace, and the rig still comes down."""
+    """A test that does not react is killed after the grace, and the fixture is torn down."""
     command = scene.start(LOCKED)
     scene.wait_until_noted("locked")
     interrupt(command, 2)
@@ -293,7 +293,7 @@ def test_second_interrupt_kills_a_test_that_hangs_in_native_code(scene: Scene):
 
 
 def test_third_interrupt_kills_at_once(scene: Scene):
-    """The running test is killed without its teardown; the rig still comes down."""
+    """The running test is killed without its teardown, and the fixture is torn down."""
     command = scene.start("wait_for_go()", "--grace", "30", teardown="wait_for_go()")
     scene.wait_until_noted("run")
     interrupt(command, 2)
@@ -308,7 +308,7 @@ def test_third_interrupt_kills_at_once(scene: Scene):
 
 
 def test_interrupt_in_the_last_test_is_not_forgotten(scene: Scene):
-    """The run counts as interrupted even when there was nothing left to leave out."""
+    """A run that is interrupted in its last test counts as interrupted."""
     command = scene.start("wait_for_go()", "-k", "a")
     scene.wait_until_noted("run")
     interrupt(command)
@@ -322,7 +322,7 @@ def test_interrupt_in_the_last_test_is_not_forgotten(scene: Scene):
 
 
 def test_interrupt_while_a_fixture_sets_up(scene: Scene):
-    """The fixture leaves its setup, tears down, and no test is started."""
+    """A setup is interrupted and torn down, and no test is started."""
     command = scene.start(up="wait_for_go()")
     scene.wait_until_noted("rig up")
     interrupt(command)
@@ -332,7 +332,7 @@ def test_interrupt_while_a_fixture_sets_up(scene: Scene):
 
 
 def test_interrupt_while_a_fixture_tears_down(scene: Scene):
-    """The teardown is carried to its end; what the tests came to stays."""
+    """A fixture's teardown is completed, and verdicts stay."""
     command = scene.start(down="wait_for_go()")
     scene.wait_until_noted("rig going down")
     interrupt(command)
@@ -343,7 +343,7 @@ def test_interrupt_while_a_fixture_tears_down(scene: Scene):
 
 
 def test_three_interrupts_end_a_fixture_that_does_not_come_down(scene: Scene):
-    """Nothing is waited for after the third: a teardown that hangs is killed."""
+    """After three interrupts a teardown that hangs is killed."""
     command = scene.start(down="time.sleep(3600)")
     scene.wait_until_noted("rig going down")
     for _ in range(3):
@@ -354,7 +354,7 @@ def test_three_interrupts_end_a_fixture_that_does_not_come_down(scene: Scene):
 
 
 def test_interrupts_reach_every_worker(tmp_path: Path):
-    """With -j each running test finishes and nothing else is started."""
+    """With ``-j`` each running test finishes, and no other is started."""
     scene = Scene(tmp_path)
     files = {
         f"s{n}.xml": f'<suite name="s{n}"><test name="a{n}">w{n}.py</test><test name="b{n}">w.py</test></suite>'
@@ -384,7 +384,7 @@ def test_interrupts_reach_every_worker(tmp_path: Path):
 
 
 def test_signal_that_was_ignored_from_the_beginning_stays_ignored(scene: Scene):
-    """Under ``nohup`` a hang-up is nobody's business."""
+    """A signal that was ignored at the start, as by ``nohup``, stays ignored."""
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         command = scene.start("wait_for_go()")
@@ -398,7 +398,7 @@ def test_signal_that_was_ignored_from_the_beginning_stays_ignored(scene: Scene):
 
 @pytest.mark.parametrize("delay", [0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12])
 def test_interrupt_before_the_run_has_begun(scene: Scene, delay: float):
-    """Whenever it comes, nothing is left running, and no traceback is printed once the command itself is at work."""
+    """An interrupt at any moment of the start leaves no process, and no traceback of the runner."""
     command = scene.start()
     clock.sleep(delay)
     command.signal()
@@ -411,7 +411,7 @@ def test_interrupt_before_the_run_has_begun(scene: Scene, delay: float):
 
 
 def test_interrupted_run_is_resumed_with_what_it_owes(scene: Scene):
-    """What was not run or was interrupted runs when the run is resumed; the verdict is then that of the whole."""
+    """A resumed run runs what was interrupted or not run, and has the verdict of the whole."""
     command = scene.start("wait_for_go()")
     scene.wait_until_noted("run")
     interrupt(command, 2)

@@ -1,4 +1,4 @@
-"""The journal: complete at every instant, readable wherever it was torn, written by one."""
+"""The journal: complete after each event, readable after any cut, with one writer."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 
 
 def message(number: int, detail: str = "") -> Message:
-    """An event that is like no other."""
+    """Return a unique event."""
     return Message(severity=Severity.INFO, title=f"n{number}", detail=detail, seq=number, time=float(number))
 
 
 @pytest.fixture
 def path(tmp_path: Path):
-    """Where the journal is."""
+    """The path of the journal."""
     return tmp_path / journal.FILE_NAME
 
 
@@ -44,7 +44,7 @@ def written(path: Path, *events: Event) -> Path:
 
 
 def test_what_is_appended_is_read_back(path: Path):
-    """The same events in the same order, from the file or from the run's folder."""
+    """Appended events are read in order, from the file or from the run's folder."""
     events = [message(number) for number in range(1, 50)]
     written(path, *events)
     assert [*journal.read(path)] == events
@@ -52,7 +52,7 @@ def test_what_is_appended_is_read_back(path: Path):
 
 
 def test_torn_last_line_is_tolerated_at_every_byte(path: Path):
-    """Wherever a journal is cut off, all whole lines are read and the torn one is passed over."""
+    """A journal cut at any byte gives all its whole lines."""
     events = [message(1), message(2, "long " * 20), message(3, "\ud800\x00")]
     data = written(path, *events).read_bytes()
     ends = [index + 1 for index, byte in enumerate(data) if byte == 10]
@@ -62,7 +62,7 @@ def test_torn_last_line_is_tolerated_at_every_byte(path: Path):
 
 
 def test_torn_end_is_cut_off_when_the_run_is_resumed_at_every_byte(path: Path):
-    """What is appended after a torn line begins on a line of its own; whole lines stay."""
+    """Resuming removes an incomplete last line before it appends."""
     data = written(path, message(1), message(2)).read_bytes()
     first = data.index(b"\n") + 1
     for cut in range(first, len(data) + 1):
@@ -74,7 +74,7 @@ def test_torn_end_is_cut_off_when_the_run_is_resumed_at_every_byte(path: Path):
 
 
 def test_line_in_the_middle_that_is_no_event_is_an_error_with_its_place(path: Path):
-    """Only the end of a journal can be torn; damage elsewhere is said, with file and line."""
+    """A damaged line before the end is an error with file and line."""
     written(path, message(1), message(2), message(3))
     lines = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(lines[0] + b"garbage\n" + lines[2])
@@ -83,13 +83,13 @@ def test_line_in_the_middle_that_is_no_event_is_an_error_with_its_place(path: Pa
 
 
 def test_event_of_a_newer_version_is_passed_over(path: Path):
-    """A kind that is not known is no damage."""
+    """An event of an unknown kind is skipped."""
     path.write_bytes(to_line(message(1)) + b'{"event":"teleported","seq":2}\n' + to_line(message(3)))
     assert [event.seq for event in journal.read(path)] == [1, 3]
 
 
 def test_journal_that_is_there_is_not_overwritten(path: Path):
-    """A second run never writes into the journal of a first one."""
+    """An existing journal is not overwritten by another run."""
     written(path, message(1))
     with pytest.raises(JournalError, match="File exists"):
         Journal(path)
@@ -97,7 +97,7 @@ def test_journal_that_is_there_is_not_overwritten(path: Path):
 
 
 def test_journal_has_one_writer(path: Path):
-    """While one runner writes, another one is refused; when it is gone, not."""
+    """A second writer is refused until the first one has closed."""
     with closing(Journal(path)) as book:
         book.append(message(1))
         with pytest.raises(JournalError, match="another runner is writing it"):
@@ -108,13 +108,13 @@ def test_journal_has_one_writer(path: Path):
 
 
 def test_folder_that_cannot_be_written_is_an_error_that_names_it(tmp_path: Path):
-    """The error is told before anything runs."""
+    """The error about a folder that cannot be written names it."""
     with pytest.raises(JournalError, match=r"cannot write the journal .*none/journal\.jsonl"):
         Journal(tmp_path / "none" / journal.FILE_NAME)
 
 
 def test_a_run_that_is_not_there_is_named(tmp_path: Path):
-    """In words for people, be it the folder that is missing or only the journal in it."""
+    """The error about a missing run names the folder or the journal."""
     none, empty = tmp_path / "none", tmp_path / "empty"
     empty.mkdir()
     for run, missing in ((none, none), (empty, empty / journal.FILE_NAME)):
@@ -124,7 +124,7 @@ def test_a_run_that_is_not_there_is_named(tmp_path: Path):
 
 
 def test_lines_of_several_threads_are_whole(path: Path):
-    """Writers in several threads never mix their lines."""
+    """Lines of several threads are not mixed."""
     with closing(Journal(path)) as book:
 
         def write(base: int) -> None:
@@ -142,7 +142,7 @@ def test_lines_of_several_threads_are_whole(path: Path):
 
 
 def test_every_event_is_with_the_kernel_when_append_returns(path: Path):
-    """A writer that is killed right after has lost nothing, with or without the disk having turned."""
+    """Events of a writer that is killed right after ``append`` are in the file."""
     code = f"""
         import os, signal
         from pathlib import Path
@@ -159,7 +159,7 @@ def test_every_event_is_with_the_kernel_when_append_returns(path: Path):
 
 
 def test_memory_stays_flat(path: Path):
-    """A hundred thousand events are written and read without being kept."""
+    """Writing and reading a hundred thousand events keeps none in memory."""
     event = message(1, "x" * 200)
     with closing(Journal(path)) as book:
         for _ in range(1000):
@@ -172,7 +172,7 @@ def test_memory_stays_flat(path: Path):
 
 
 def test_full_disk_is_an_error_and_what_was_whole_is_kept(path: Path):
-    """A write that the disk does not take is told; the line is torn at worst, and the others are whole."""
+    """A full disk is an error, and the lines before it are whole."""
     code = f"""
         import resource, signal
         from pathlib import Path
@@ -199,7 +199,7 @@ def test_full_disk_is_an_error_and_what_was_whole_is_kept(path: Path):
 
 
 def test_closing_twice_is_harmless(path: Path):
-    """Every exit path may close."""
+    """Closing twice has no effect."""
     book = Journal(path)
     book.append(TestEnded(test="t", verdict=Verdict.PASSED, outcome=Verdict.PASSED))
     book.close()

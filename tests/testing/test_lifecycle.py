@@ -1,4 +1,4 @@
-"""The life of a test and of a suite: every row of ``docs/lifecycle.md``, in order."""
+"""The life cycle of tests and suites: every row of ``docs/lifecycle.md``, in order."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def noted():
 
 @dataclass(frozen=True)
 class Row:
-    """What a test does in each phase, and what comes of it. ``done`` is what must have been noted, in order."""
+    """What a test does in each phase, with its results. ``done`` is the expected log, in order."""
 
     verdict: Verdict
     setup: str = ""
@@ -147,7 +147,7 @@ ROWS = {
 
 
 def plugin(row: Row) -> str:
-    """The file of a test that does what the row says."""
+    """Return the file of a test with the row's phases."""
     return (
         HEAD
         + f"""
@@ -169,19 +169,19 @@ class Life(TestCase):
 
 
 def log_of(tmp_path: Path) -> list[str]:
-    """What the plug-ins noted."""
+    """Return the notes of the plug-ins."""
     path = tmp_path / "suite" / "log"
     return path.read_text().split() if path.exists() else []
 
 
 def verdicts(outcome: Outcome) -> list[Verdict | None]:
-    """The verdicts of all tests in order."""
+    """Return the verdicts of all tests in order."""
     return [test.verdict for test in outcome.results.tests.values()]
 
 
 @pytest.mark.parametrize("name", ROWS)
 def test_life_of_a_test(name: str, tmp_path: Path):
-    """Teardown and clean-ups run whenever setup was begun; each message keeps its kind; a failure is never hidden."""
+    """Teardown and clean-ups run whenever setup began; messages keep their kind; a failure is never hidden."""
     row = ROWS[name]
     outcome = run_suite(tmp_path, '<test name="t">t.py</test>', t__py=plugin(row))
     (ended,) = outcome.of(TestEnded)
@@ -203,7 +203,7 @@ def test_life_of_a_test(name: str, tmp_path: Path):
 
 
 def test_failure_says_in_which_phase_and_line_it_was_found(tmp_path: Path):
-    """What is found in teardown is told as found there, at the author's line."""
+    """A failure in teardown has that phase, and the author's line."""
     outcome = run_suite(
         tmp_path, "<test>t.py</test>", t__py=plugin(Row(Verdict.FAILED, teardown="self.assert_fail('x')"))
     )
@@ -217,7 +217,7 @@ def test_failure_says_in_which_phase_and_line_it_was_found(tmp_path: Path):
 
 
 def test_repetition_runs_the_body_once_more_for_each(tmp_path: Path):
-    """``repetition="4"`` is five bodies between one setup and one teardown; a failure does not end them."""
+    """``repetition="4"`` runs five bodies between one setup and one teardown, also after a failure."""
     body = "self.check(noted().count('run') != 2, 'second')"
     outcome = run_suite(
         tmp_path, '<test name="t" repetition="4">t.py</test>', t__py=plugin(Row(Verdict.FAILED, run=body))
@@ -233,7 +233,7 @@ def test_repetition_runs_the_body_once_more_for_each(tmp_path: Path):
     ("safety", "runs"), [("Safety.MOTION", 2), ("'effort'", 2), ("Safety.STILL", 5), ("'still'", 5), ("''", 5)]
 )
 def test_repetition_of_what_moves_ends_with_the_first_that_is_bad(safety: str, runs: int, tmp_path: Path):
-    """What it has run into is not to be hit once more. The rate is that of those that were made."""
+    """Repetitions of a test that moves end with the first failure; the rate counts those made."""
     body = "with self.subresult('part'): self.check(noted().count('run') != 2, 'second')"
     text = plugin(Row(Verdict.FAILED, run=body)).replace("def setup", f"safety = {safety}\n    def setup", 1)
     outcome = run_suite(
@@ -249,7 +249,7 @@ def test_repetition_of_what_moves_ends_with_the_first_that_is_bad(safety: str, r
 
 
 def test_repetition_says_pass_rate_with_confidence_and_durations(tmp_path: Path):
-    """The numbers are measurements, so that they are plotted and compared; the sentence is for people."""
+    """Pass rate and durations of repetitions are measurements, and a sentence."""
     body = "self.check(noted().count('run') != 2, 'second')"
     outcome = run_suite(tmp_path, '<test repetition="4">t.py</test>', t__py=plugin(Row(Verdict.FAILED, run=body)))
     numbers = {event.name: (event.value, event.unit) for event in outcome.of(Measured)}
@@ -262,7 +262,7 @@ def test_repetition_says_pass_rate_with_confidence_and_durations(tmp_path: Path)
 
 
 def test_retries_make_a_late_pass_flaky(tmp_path: Path):
-    """A test that fails twice and then passes is flaky; all three attempts are told."""
+    """A test that fails twice and then passes is flaky, with three reported attempts."""
     body = "self.assert_true(noted().count('run') == 3, 'not yet')"
     outcome = run_suite(tmp_path, '<test name="t" retries="5">t.py</test>', t__py=plugin(Row(Verdict.FLAKY, run=body)))
     ends = [(event.attempt, event.outcome, event.verdict, event.final) for event in outcome.of(TestEnded)]
@@ -285,7 +285,7 @@ def test_retries_make_a_late_pass_flaky(tmp_path: Path):
     ],
 )
 def test_retries_hide_no_failure(later: str, verdict: Verdict, tmp_path: Path):
-    """Only a later pass settles it: whatever else a later attempt comes to, the test has failed."""
+    """A test that failed stays failed unless a later attempt passes."""
     body = f"self.assert_true(noted().count('run') > 1, 'first'); {later}"
     outcome = run_suite(tmp_path, '<test name="t" retries="1">t.py</test>', t__py=plugin(Row(verdict, run=body)))
     assert outcome.verdict("t") is verdict
@@ -293,7 +293,7 @@ def test_retries_hide_no_failure(later: str, verdict: Verdict, tmp_path: Path):
 
 
 def test_no_retry_after_the_end_of_the_suites_time(tmp_path: Path):
-    """A suite that has run out of time starts nothing, not even a retry."""
+    """A suite beyond its time limit starts no retry."""
     outcome = run_suite(
         tmp_path,
         '<suite name="s" timeout="0.4"><test name="t" retries="9">t.py</test></suite>',
@@ -314,7 +314,7 @@ def test_no_retry_after_the_end_of_the_suites_time(tmp_path: Path):
     ],
 )
 def test_expected_failure(body: str, verdict: Verdict, code: int, tmp_path: Path):
-    """An expected failure is good, a pass is news, and an error is no failure."""
+    """An expected failure is good, a pass is unexpected, and an error is an error."""
     xml = '<test name="t" expected="fail" reason="bug 7" retries="3">t.py</test>'
     outcome = run_suite(tmp_path, xml, t__py=plugin(Row(verdict, run=body)))
     (ended,) = outcome.of(TestEnded)
@@ -325,7 +325,7 @@ def test_expected_failure(body: str, verdict: Verdict, code: int, tmp_path: Path
 
 
 def test_sub_results_do_not_hide_each_other(tmp_path: Path):
-    """Whatever ends one part, the other parts are made, and each has its verdict."""
+    """Each sub-result has its verdict, whatever ends the others."""
     body = """
         for part, what in enumerate(("pass", "fail", "error", "skip", "inconclusive")):
             with self.subresult(what):
@@ -350,7 +350,7 @@ def test_sub_results_do_not_hide_each_other(tmp_path: Path):
 
 
 def test_test_that_needs_another_one_is_blocked_by_its_failure(tmp_path: Path):
-    """``requires="test:…"``: blocked when the other did not pass, run when it did, and so on down the line."""
+    """A test is blocked if one that it requires did not pass, and so on."""
     xml = (
         '<test name="good">good.py</test><test name="bad">bad.py</test>'
         '<test name="after-good" requires="test:good">good.py</test>'
@@ -369,7 +369,7 @@ def test_test_that_needs_another_one_is_blocked_by_its_failure(tmp_path: Path):
 
 
 def test_test_whose_surroundings_lack_something_is_skipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """A program, module, variable, file or feature that is not there is a reason to skip, and is named."""
+    """A test without a required program, module, variable, file or feature is skipped, with its name."""
     monkeypatch.setenv("RTF_HAVE", "1")
     tokens = ("program:sh", "program:no-such", "module:json", "module:no_such", "env:RTF_HAVE", "env:RTF_LACK")
     tokens = (*tokens, "file:t.py", "file:none.txt", "granted", "refused")
@@ -385,7 +385,7 @@ def test_test_whose_surroundings_lack_something_is_skipped(tmp_path: Path, monke
 
 @pytest.mark.parametrize("phase", ["setup", "run", "teardown"])
 def test_time_out_of_a_phase(phase: str, tmp_path: Path):
-    """Each phase has its own limit; the others are carried out."""
+    """Each phase has its own limit, and the later phases run."""
     limits = {name: 0.3 if name == phase else 20 for name in ("setup", "run", "teardown")}
     row = Row(Verdict.ERROR, **{phase: "time.sleep(60)"})
     outcome = run_suite(
@@ -398,7 +398,7 @@ def test_time_out_of_a_phase(phase: str, tmp_path: Path):
 
 
 def test_time_out_of_the_whole_test(tmp_path: Path):
-    """``total-timeout`` bounds an attempt over all of its phases."""
+    """``total-timeout`` limits an attempt over all phases."""
     xml = '<test name="t" total-timeout="0.3">t.py</test>'
     outcome = run_suite(tmp_path, xml, t__py=plugin(Row(Verdict.ERROR, run="time.sleep(60)")))
     assert outcome.detail("t") == "the test did not end within 0.3 s"
@@ -406,7 +406,7 @@ def test_time_out_of_the_whole_test(tmp_path: Path):
 
 
 def test_nearer_limits_win(tmp_path: Path):
-    """A test's own limit, its suite's, its author's, the command line's, the default: the first there is."""
+    """The limit is that of the test, suite, author, command line, or default, in this order."""
     author = plugin(Row(Verdict.PASSED)).replace("def setup", "timeout = 33.0\n    def setup", 1)
     plain = plugin(Row(Verdict.PASSED))
     xml = '<test name="own" timeout="11">a.py</test><test name="suites">a.py</test>'
@@ -422,7 +422,7 @@ def test_nearer_limits_win(tmp_path: Path):
 
 
 def test_time_out_of_the_suite(tmp_path: Path):
-    """The running test is stopped and is an error; the rest is not run; the fixture comes down."""
+    """The running test is stopped as an error, the rest is not run, and the fixture is torn down."""
     outcome = run_suite(
         tmp_path,
         '<suite name="s" timeout="1"><fixture>rig.py</fixture>'
@@ -437,7 +437,7 @@ def test_time_out_of_the_suite(tmp_path: Path):
 
 
 def test_time_out_of_the_run(tmp_path: Path):
-    """The running test is stopped as by a second interrupt, the rest is not run, the fixture comes down."""
+    """The running test is stopped as by a second interrupt, the rest is not run, and the fixture is torn down."""
     outcome = run_suite(
         tmp_path,
         '<fixture>rig.py</fixture><test name="a">t.py</test><test name="b">t.py</test>',
@@ -455,7 +455,7 @@ def test_time_out_of_the_run(tmp_path: Path):
 
 @pytest.mark.parametrize("whose", ["suite", "run"])
 def test_time_out_during_the_setup_of_a_fixture(whose: str, tmp_path: Path):
-    """The time of a suite and of a run passes while fixtures are set up, too."""
+    """The limits of suite and run include the setup of fixtures."""
     timeout = ' timeout="2"' if whose == "suite" else ""
     outcome = run_suite(
         tmp_path,
@@ -470,7 +470,7 @@ def test_time_out_during_the_setup_of_a_fixture(whose: str, tmp_path: Path):
 
 
 def test_time_out_of_a_fixture(tmp_path: Path):
-    """A fixture that does not come up in time is given up after its restarts, and its tests are blocked."""
+    """A fixture that is not ready in time fails after its restarts, and its tests are blocked."""
     outcome = run_suite(
         tmp_path,
         '<fixture timeout="0.4" restarts="1" backoff="0">rig.py</fixture><test name="a">t.py</test>',
@@ -487,7 +487,7 @@ def test_time_out_of_a_fixture(tmp_path: Path):
 
 
 def rig(name: str = "", *, setup: str = "pass", check: str = "pass", teardown: str = "pass") -> str:
-    """The file of a fixture that notes what is done to it."""
+    """Return the file of a fixture that notes its calls."""
     return (
         HEAD
         + f"""
@@ -508,7 +508,7 @@ class Rig{name}(FixtureManager):
 
 @pytest.mark.parametrize("how", ["return False", "raise OSError('x')"])
 def test_fixture_that_does_not_come_up(how: str, tmp_path: Path):
-    """Its tests are blocked and listed, it is torn down, what was up before it too, and the exit code is 6."""
+    """A fixture that fails blocks its tests; all are torn down, and the exit code is 6."""
     outcome = run_suite(
         tmp_path,
         '<fixture name="a">a.py</fixture><fixture name="b" depends="a" restarts="0">b.py</fixture>'
@@ -525,7 +525,7 @@ def test_fixture_that_does_not_come_up(how: str, tmp_path: Path):
 
 
 def test_fixture_that_was_never_needed_is_never_set_up(tmp_path: Path):
-    """Only what was set up is torn down."""
+    """A fixture that no test needs is not set up."""
     outcome = run_suite(
         tmp_path,
         '<fixture name="a">a.py</fixture><fixture name="b">b.py</fixture><test name="x" fixtures="b">t.py</test>',
@@ -546,7 +546,7 @@ def test_fixture_that_was_never_needed_is_never_set_up(tmp_path: Path):
     ],
 )
 def test_collapse_under_a_running_test(check: str, cause: str, tmp_path: Path):
-    """The test is stopped at once, is no failure, and runs again on the next generation; the incident is kept."""
+    """The test is stopped without a failure, and runs again on the next generation; the incident is kept."""
     body = "time.sleep(60 if noted().count('run') == 1 else 0)"
     outcome = run_suite(
         tmp_path,
@@ -570,7 +570,7 @@ def test_collapse_under_a_running_test(check: str, cause: str, tmp_path: Path):
 
 
 def test_collapse_in_the_last_test_is_noticed(tmp_path: Path):
-    """Before a verdict counts the fixture is asked once more: a rig that died under the last test is seen."""
+    """The fixture is checked before a verdict counts, also after the last test."""
     outcome = run_suite(
         tmp_path,
         '<fixture check-period="60" restarts="0">rig.py</fixture><test name="a">t.py</test>',
@@ -582,7 +582,7 @@ def test_collapse_in_the_last_test_is_noticed(tmp_path: Path):
 
 
 def test_test_that_fails_because_its_fixture_is_dying_is_not_blamed(tmp_path: Path):
-    """Bad news of the fixture that comes a moment after the failure still counts."""
+    """A collapse shortly after a failure makes the attempt lost, not failed."""
     watch = """
         import threading
         def look():
@@ -606,7 +606,7 @@ def test_test_that_fails_because_its_fixture_is_dying_is_not_blamed(tmp_path: Pa
     [("rerun", Verdict.PASSED, 2, 0), ("error", Verdict.FIXTURE_LOST, 1, 1), ("skip", Verdict.SKIPPED, 1, 5)],
 )
 def test_policy_for_a_test_that_lost_its_fixture(policy: str, verdict: Verdict, runs: int, code: int, tmp_path: Path):
-    """``on-lost``: run again (once), leave it as lost, or skip it."""
+    """``on-lost`` decides: run again once, leave as lost, or skip."""
     outcome = run_suite(
         tmp_path,
         f'<fixture check-period="60" backoff="0" on-lost="{policy}">rig.py</fixture><test name="a">t.py</test>',
@@ -619,7 +619,7 @@ def test_policy_for_a_test_that_lost_its_fixture(policy: str, verdict: Verdict, 
 
 
 def test_teardown_of_one_fixture_keeps_no_other_one_up(tmp_path: Path):
-    """All come down, in reverse order, whatever goes wrong with one; the run has a problem, the tests do not."""
+    """All fixtures are torn down in reverse order, also if one fails; the run fails, the tests do not."""
     outcome = run_suite(
         tmp_path,
         '<fixture name="a">a.py</fixture><fixture name="b">b.py</fixture><fixture name="c">c.py</fixture>'
@@ -638,7 +638,7 @@ def test_teardown_of_one_fixture_keeps_no_other_one_up(tmp_path: Path):
 
 
 def test_test_that_cannot_be_loaded_is_an_error_and_the_others_run(tmp_path: Path):
-    """A load failure is an entry in every report, with the places that were tried."""
+    """A test that cannot be loaded is an error with the searched places."""
     outcome = run_suite(
         tmp_path, '<test name="a">NoSuchPlugin</test><test name="b">t.py</test>', t__py=plugin(Row(Verdict.PASSED))
     )
@@ -651,7 +651,7 @@ def test_test_that_cannot_be_loaded_is_an_error_and_the_others_run(tmp_path: Pat
 
 @pytest.mark.parametrize("stage", [1, 2])
 def test_interrupt_from_outside(stage: int, tmp_path: Path):
-    """Stage 1 lets the running test end, stage 2 stops it; the fixture comes down, the rest is not run."""
+    """Stage 1 lets the running test end, stage 2 stops it; the fixture is torn down, the rest is not run."""
 
     def interfere(run: Run) -> None:
         emit = run.emit
@@ -676,7 +676,7 @@ def test_interrupt_from_outside(stage: int, tmp_path: Path):
 
 
 def test_a_killed_test_leaves_what_was_watched_of_its_series(tmp_path: Path):
-    """The file of a series is written at its end; of one that never ended the journal has what was shown."""
+    """Of a series that never ended the journal has the sent samples."""
     code = """
 import os
 from rtf.testing import TestCase

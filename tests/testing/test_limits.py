@@ -1,4 +1,4 @@
-"""Every comparison of the framework with limits: what is no number is never within them, and is no limit."""
+"""Comparisons with limits: NaN is never within limits, and never a limit."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ UNITS = st.sampled_from([str(unit) for unit in Unit])
 
 
 class Case(TestCase):
-    """A test of which only the calls matter."""
+    """A test with an empty body."""
 
     def run(self) -> None:
         """Do nothing."""
 
 
 def by_parameter(case: TestCase, value: float, low: float, high: float, symbol: str) -> None:
-    """Check the value as one that a suite gives."""
+    """Check the value as that of a parameter in a suite."""
     parameter = Parameter(list[float], "x", unit=symbol, low=low, high=high)
     try:
         parameter.convert(Bottle([value]))
@@ -70,7 +70,7 @@ NEAR: dict[str, Comparison] = {
 
 
 def holds(compare: Comparison, value: float, one: float, other: float, symbol: str) -> bool:
-    """Whether a test with this comparison passes. An author's error leaves it as it is."""
+    """Return whether a test with this comparison passes; an author's error is raised."""
     sent: list[Event] = []
     case = Case()
     session = Session("s/t", sent.append, folder="", run_folder="")
@@ -85,7 +85,7 @@ def holds(compare: Comparison, value: float, one: float, other: float, symbol: s
 @pytest.mark.parametrize("name", BETWEEN)
 @given(NUMBERS, NUMBERS, NUMBERS, UNITS)
 def test_a_value_holds_exactly_between_its_limits(name: str, value: float, low: float, high: float, symbol: str):
-    """Limits are inclusive, infinite ones are limits, and no unit makes a difference."""
+    """Limits are inclusive, infinite ones are valid, and units make no difference."""
     assert holds(BETWEEN[name], value, low, high, symbol) == (low <= value <= high)
 
 
@@ -94,7 +94,7 @@ def test_a_value_holds_exactly_between_its_limits(name: str, value: float, low: 
 def test_a_value_is_near_exactly_within_its_tolerance(
     name: str, value: float, expected: float, tolerance: float, symbol: str
 ):
-    """The tolerance is inclusive, and its sign means nothing."""
+    """A tolerance is inclusive, and its sign is ignored."""
     within = expected - abs(tolerance) <= value <= expected + abs(tolerance)
     assert holds(NEAR[name], value, expected, tolerance, symbol) == within
 
@@ -102,7 +102,7 @@ def test_a_value_is_near_exactly_within_its_tolerance(
 @pytest.mark.parametrize("name", [*BETWEEN, *NEAR])
 @given(NUMBERS, st.floats(0, 1e9), UNITS)
 def test_what_is_no_number_fails(name: str, one: float, other: float, symbol: str):
-    """Whatever the limits are."""
+    """NaN fails every comparison."""
     if name in NEAR and math.isinf(one):
         one = 0.0
     assert not holds({**BETWEEN, **NEAR}[name], math.nan, one, other, symbol)
@@ -117,7 +117,7 @@ def test_a_limit_that_is_no_number_is_the_authors_error(
     first: bool,
     symbol: str,
 ):
-    """It is raised at the call, whatever the value: nothing could ever be beyond it."""
+    """NaN as a limit raises ValueError, whatever the value."""
     limits = (math.nan, number) if first else (number, math.nan)
     with pytest.raises(ValueError, match=r"is nan: a limit has to be a number"):
         holds({**BETWEEN, **NEAR}[name], value, *limits, symbol)
@@ -125,7 +125,7 @@ def test_a_limit_that_is_no_number_is_the_authors_error(
 
 @pytest.mark.parametrize("value", [0.0, math.nan])
 def test_one_limit_alone_and_the_width_of_a_margin_have_to_be_numbers(value: float):
-    """The other side may have none."""
+    """NaN as the only limit, or as marginal width, raises ValueError."""
     case = Case()
     case.attach_to(Session("s/t", lambda _: None, folder="", run_folder=""), "")
     for limits in ({"low": math.nan}, {"high": math.nan}, {"high": 1.0, "marginal": math.nan}):
@@ -134,7 +134,7 @@ def test_one_limit_alone_and_the_width_of_a_margin_have_to_be_numbers(value: flo
 
 
 def test_a_time_out_has_to_be_a_number(tmp_path: Path):
-    """One that is none would never be reached: the test is an error, and its body is not called."""
+    """NaN as a time-out is an error of the test, and its body does not run."""
     code = "from rtf.testing import TestCase\nclass T(TestCase):\n    timeout = float('nan')\n    def run(self): pass\n"
     outcome = run_suite(tmp_path, "<test>t.py</test>", t__py=code)
     (test,) = outcome.results.tests.values()
@@ -144,7 +144,7 @@ def test_a_time_out_has_to_be_a_number(tmp_path: Path):
 
 
 def test_a_late_test_does_not_hide_a_limit_that_is_no_number():
-    """Judgements that are not held against the robot are checked as well."""
+    """A limit NaN is an error also where the value is excused."""
     case = Case()
     case.attach_to(Session("s/t", lambda _: None, folder="", run_folder=""), "")
     with pytest.raises(ValueError, match="the upper bound of delay is nan"):

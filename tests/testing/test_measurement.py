@@ -31,13 +31,13 @@ FINITE = st.floats(-1e6, 1e6)
     ],
 )
 def test_where_a_value_lies(value: float, low: float | None, high: float | None, marginal: float | None, verdict: str):
-    """Limits are inclusive; the marginal zone is inside them; what is no number never lies within limits."""
+    """Limits are inclusive, the marginal zone is within them, and NaN is never within limits."""
     assert Measurement("x", value, Unit.MM, low, high, marginal).verdict == verdict
 
 
 @given(FINITE, FINITE, FINITE)
 def test_margin_is_negative_outside_and_only_there(value: float, one: float, other: float):
-    """The margin is the distance to the nearest limit, with the sign of the verdict."""
+    """The margin is the distance to the nearest limit, negative outside."""
     low, high = min(one, other), max(one, other)
     margin = margin_of(value, low, high)
     assert margin is not None
@@ -47,7 +47,7 @@ def test_margin_is_negative_outside_and_only_there(value: float, one: float, oth
 
 
 def test_unit_that_is_not_known_names_the_nearest():
-    """Units are a closed set of exact symbols; a near miss is helped."""
+    """The error about an unknown unit names the nearest or the known ones."""
     assert unit("deg/s") is Unit.DEG_PER_S
     assert unit("") is Unit.NONE
     with pytest.raises(ValueError, match=r"unknown unit 'degs': did you mean deg"):
@@ -57,7 +57,7 @@ def test_unit_that_is_not_known_names_the_nearest():
 
 
 def test_sentences_for_people():
-    """Value, limits, margin and unit, in that order."""
+    """The text of a measurement has value, limits, margin and unit."""
     assert str(Measurement("gap", 3, Unit.MM, high=2)) == "gap = 3 mm, expected at most 2 mm, margin -1 mm"
     assert str(Measurement("gap", 3, Unit.MM)) == "gap = 3 mm"
     assert str(Measurement("load", math.nan, Unit.PERCENT, low=0)) == "load = nan%, expected at least 0 %"

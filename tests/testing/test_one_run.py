@@ -1,4 +1,4 @@
-"""A journal read back as one run: what a later part made void is left out, what was cut off gets its end."""
+"""A journal read as one run: void events are omitted, and an incomplete run gets its ends."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ OVER = RunEnded(verdict=Verdict.INTERRUPTED, exit_code=2, duration=1)
 
 
 def ran(test: str, verdict: Verdict = Verdict.PASSED, words: str = "") -> list[Event]:
-    """A test that started, spoke and ended."""
+    """Return the events of a finished test."""
     said = Message(severity=Severity.INFO, title="reports", detail=words or test, test=test)
     return [TestStarted(test=test, time=5.0), said, TestEnded(test=test, verdict=verdict, outcome=verdict, time=6.0)]
 
 
 @pytest.fixture
 def write(tmp_path: Path):
-    """Write a journal of these events."""
+    """Return a function that writes a journal of these events."""
 
     def put(*events: Event) -> Path:
         path = tmp_path / journal.FILE_NAME
@@ -65,19 +65,19 @@ def write(tmp_path: Path):
     [(verdict, verdict not in (Verdict.NOT_RUN, Verdict.INTERRUPTED, Verdict.BLOCKED)) for verdict in Verdict],
 )
 def test_finished_is_what_has_said_something(verdict: Verdict, stands: bool):
-    """A test that was not run, interrupted or blocked is still owed."""
+    """A test that was not run, interrupted or blocked is not finished."""
     assert RunResult.of([*PLAN, *ran("s/a", verdict)]).finished() == ({"s/a"} if stands else set())
 
 
 def test_test_that_was_started_again_is_not_finished():
-    """The later start makes the earlier end void."""
+    """A later start makes an earlier end void."""
     assert RunResult.of([*PLAN, *ran("s/a"), TestStarted(test="s/a")]).finished() == set()
     retried = TestEnded(test="s/a", verdict=Verdict.FAILED, outcome=Verdict.FAILED, final=False)
     assert RunResult.of([*PLAN, TestStarted(test="s/a"), retried]).finished() == set()
 
 
 def test_what_was_removed_or_changed_before_a_later_part_is_void(write: Writer):
-    """Of a removed test nothing is left, of a changed one what the later part tells; a suite that is gone is gone."""
+    """Events of removed tests, and earlier ones of changed tests, are void; so are removed suites."""
     gone = SuitePlanned(suite="t", name="t")
     again = TestPlanned(test="s/b", suite="s", name="b", fingerprint="2")
     path = write(
@@ -92,13 +92,13 @@ def test_what_was_removed_or_changed_before_a_later_part_is_void(write: Writer):
 
 
 def test_run_that_was_not_resumed_is_as_it_was(write: Writer):
-    """Nothing is left out of a run of one part."""
+    """A run of one part is read unchanged."""
     events = [*PLAN, *ran("s/a"), *ran("s/b", Verdict.FAILED), *CUT, OVER]
     assert [*journal.as_one_run(write(*events))] == events
 
 
 def test_parts_of_a_resumed_run_are_one_run(write: Writer):
-    """Ends of earlier parts and all of tests that ran again are left out; the plan and the rest stand once."""
+    """Ends of earlier parts, and events of tests that ran again, are omitted."""
     lost = ran("s/b", Verdict.INTERRUPTED, "first try")
     path = write(*PLAN, *ran("s/a"), *lost, *CUT, OVER, *AGAIN, *ran("s/b", words="second try"), OVER)
     events = [*journal.as_one_run(path)]
@@ -112,7 +112,7 @@ def test_parts_of_a_resumed_run_are_one_run(write: Writer):
 
 
 def test_run_that_is_being_resumed_keeps_what_is_finished_only(write: Writer):
-    """What the new part will tell anew is left out of what it is told of the old ones."""
+    """While a run is resumed, only finished tests of earlier parts count."""
     path = write(*PLAN, *ran("s/a"), TestStarted(test="s/b"))
     results = RunResult.of(journal.as_one_run(path, resuming=True))
     assert {test.id: test.verdict for test in results.tests.values()} == {"s/a": Verdict.PASSED, "s/b": None}
@@ -120,7 +120,7 @@ def test_run_that_is_being_resumed_keeps_what_is_finished_only(write: Writer):
 
 
 def test_run_that_was_resumed_twice(write: Writer):
-    """Each part gives what stood at its end."""
+    """Of a run that was resumed twice each test has its last result."""
     path = write(
         *PLAN,
         *ran("s/a"),
@@ -137,14 +137,14 @@ def test_run_that_was_resumed_twice(write: Writer):
 
 
 def test_incident_between_tests_is_never_lost(write: Writer):
-    """What happened to the rig in an earlier part stays in the record."""
+    """Incidents of earlier parts are kept."""
     incident = FixtureIncident(fixture="rig", suite="s", generation=1, phase=Phase.CHECK, cause="x")
     path = write(*PLAN, *ran("s/a"), incident, *AGAIN, *ran("s/b"), OVER)
     assert len(journal.results_of(path).suites["s"].incidents) == 1
 
 
 def test_journal_that_just_stops_gets_its_ends(write: Writer):
-    """The run counts as interrupted, and so does the test that was running; what had ended stays as it was."""
+    """A journal without an end gets one: the run and its running test are interrupted."""
     path = write(*PLAN, *ran("s/a"), TestStarted(test="s/b", time=9.0))
     results = journal.results_of(path)
     assert {test.id: test.verdict for test in results.tests.values()} == {
@@ -156,14 +156,14 @@ def test_journal_that_just_stops_gets_its_ends(write: Writer):
 
 
 def test_journal_that_was_closed_in_order_gets_nothing(write: Writer):
-    """Not even when something broke while it was being closed."""
+    """A journal with an end gets none, also if errors follow it."""
     events = [*PLAN, *ran("s/a"), *ran("s/b"), OVER, InternalError(text="reporter x broke")]
     assert [*journal.as_one_run(write(*events))] == events
     assert [*journal.as_one_run(write())] == []
 
 
 def test_a_plan_that_was_cut_off_selects_nothing():
-    """A run that was killed while it told its plan consists of what its command line says, not of the part it told."""
+    """A plan that was cut off does not select tests; the command line does."""
     assert not RunResult.of(PLAN[:3]).plan_is_whole
     whole = RunResult.of([*PLAN[:4], SuiteStarted(suite="s")])
     assert whole.plan_is_whole

@@ -1,4 +1,4 @@
-"""Declared parameters: layers, provenance, and every problem told in one go."""
+"""Declared parameters: sources, their order, and all problems in one error."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rtf.testing.parameters import Parameter, ParameterError
 
 
 class Limits(TestCase):
-    """A test with one parameter of each kind."""
+    """A test with a parameter of each kind."""
 
     ignored_keys = ("plotString1",)
 
@@ -28,21 +28,21 @@ class Limits(TestCase):
 
 
 def resolve(param: str = "--part arm", **layers: object) -> tuple[Limits, dict[str, dict[str, str]]]:
-    """Fill a fresh test and return it with its rows by name."""
+    """Resolve the parameters of a new test; return it with its rows by name."""
     test = Limits()
     rows = test.resolve_parameters(param=param, **layers)
     return test, {row["name"]: row for row in rows}
 
 
 def problems(param: str, **layers: object) -> list[str]:
-    """The problems that filling a fresh test meets."""
+    """Return the problems of resolving."""
     with pytest.raises(ParameterError) as caught:
         Limits().resolve_parameters(param=param, **layers)
     return list(caught.value.problems)
 
 
 def test_defaults_hold_where_nobody_says_anything():
-    """A default stands, a single default stands for each element, and the source says default."""
+    """Without a value the default counts, for each element of a list, and its source is default."""
     test, rows = resolve()
     assert test.joints == [0, 1, 2]
     assert test.speed == [20.0, 20.0, 20.0]
@@ -50,7 +50,7 @@ def test_defaults_hold_where_nobody_says_anything():
 
 
 def test_later_layers_win_and_are_named(tmp_path: Path):
-    """Defaults < file < param < <parameter> < --set, each value with its source."""
+    """Values are from default, file, param, <parameter> and --set, the last one counts, with its source."""
     (tmp_path / "limits.ini").write_text("part torso\ncycles 2\nmode torque\njoints (0 1)\nspeed (5 6)\n")
     test, rows = resolve(
         "--from limits.ini --cycles 3",
@@ -67,7 +67,7 @@ def test_later_layers_win_and_are_named(tmp_path: Path):
 
 
 def test_bare_values_and_sections_are_lists(tmp_path: Path):
-    """``speed 5 6`` on a line is a list, and a section is taken as it is."""
+    """Several values on a line are a list, and a section is a bottle."""
     (tmp_path / "limits.ini").write_text("part arm\njoints 0 1\nspeed 5 6\n[PORTS]\n/icub/head 50 5\n")
     test, _ = resolve("--from limits.ini", folder=str(tmp_path))
     assert test.joints == [0, 1]
@@ -75,20 +75,20 @@ def test_bare_values_and_sections_are_lists(tmp_path: Path):
 
 
 def test_a_misspelt_key_is_an_error_with_a_suggestion():
-    """Nothing that somebody wrote is silently ignored."""
+    """An unknown key is a problem with the nearest name."""
     assert problems("--part arm --sped 3") == ["unknown parameter 'sped' (param); did you mean 'speed'?"]
 
 
 @pytest.mark.parametrize("param", ["part leg joints (0 1)", "part leg joints (0 1) --part arm"])
 def test_words_before_the_first_key_are_not_dropped(param: str):
-    """A forgotten ``--`` would move another limb."""
+    """Words before the first key are a problem with a hint."""
     assert "'part leg joints (0 1)' belongs to no key (param); write --KEY VALUE, as in --part leg joints (0 1)" in (
         problems(param)
     )
 
 
 class Hosts(TestCase):
-    """A test of which the words that stand alone have a meaning."""
+    """A test with a parameter for words before the first key."""
 
     words_key = "hosts"
 
@@ -97,7 +97,7 @@ class Hosts(TestCase):
 
 @pytest.mark.parametrize("param", ["pc104 icub@icub16", "--hosts pc104 icub@icub16"])
 def test_words_before_the_first_key_may_have_one(param: str):
-    """As a script of old has its parameter; and a key that is written as well counts more."""
+    """A test can take words before the first key; a written key takes precedence."""
     test = Hosts()
     test.resolve_parameters(param=param)
     assert test.hosts == ["pc104", "icub@icub16"]
@@ -106,18 +106,18 @@ def test_words_before_the_first_key_may_have_one(param: str):
 
 
 def test_wrong_case_is_recognised():
-    """A key in the wrong case is the most frequent slip in real files."""
+    """A key in the wrong case is a problem that names the right one."""
     assert problems("--Part arm")[0] == "unknown parameter 'Part' (param); did you mean 'part'?"
 
 
 def test_keys_that_mean_nothing_any_more_may_be_listed():
-    """Old files keep loading where the test says which keys to pass over."""
+    """A test can list old keys that are ignored."""
     test, _ = resolve("--part arm --plotString1 x")
     assert test.part == "arm"
 
 
 def test_every_problem_is_told_at_once():
-    """One run is enough to fix a file."""
+    """One error has all problems."""
     found = problems('--joints "(0 1)" --speed "(5 6 7)" --cycles 0 --mode tork --plot maybe')
     assert found == [
         "cycles: 0 is not at least 1 (param)",
@@ -129,14 +129,14 @@ def test_every_problem_is_told_at_once():
 
 
 def test_a_short_list_is_an_error_and_not_zeros():
-    """The C++ framework reads zeros for what is missing, which has moved robots."""
+    """A list that is too short is a problem, unlike in the C++ framework, which fills it with zeros."""
     assert problems('--part arm --speed "(20 20)"') == [
         "speed: has 2 values, must have 3 (as many as joints) (param)",
     ]
 
 
 def test_a_text_without_quotes_is_explained():
-    """Several words where one is wanted: the message says how to write it."""
+    """Several words for a text are a problem with a hint to quotes."""
     (found,) = problems("--part left arm")
     assert "put a text with blanks in quotes" in found
 
@@ -154,7 +154,7 @@ def test_a_text_without_quotes_is_explained():
 )
 @pytest.mark.parametrize("layer", ["parameters", "overrides"])
 def test_a_text_that_stands_alone_is_taken_as_it_is(layer: str, written: str, meant: str):
-    """Whatever is in it: numbers, dashes, quotes; only quotes around the whole are no part of it."""
+    """A single text is taken unchanged; quotes around the whole are removed."""
     test, _ = resolve("", **{layer: (("part", written),)})
     assert test.part == meant
 
@@ -170,13 +170,13 @@ def test_a_text_that_stands_alone_is_taken_as_it_is(layer: str, written: str, me
     ],
 )
 def test_types_are_named_in_words(key: str, written: str, said: str):
-    """Who writes a suite need not know Python."""
+    """A wrong type is a problem in plain words."""
     (found,) = problems("" if key == "part" else "--part arm", parameters=((key, written),))
     assert found == f"{key}: {said} (<parameter>)"
 
 
 def test_a_file_whose_rest_is_lost_is_an_error(tmp_path: Path):
-    """What stands behind a bracket that is never closed would silently be defaults, and move something else."""
+    """A file with an unclosed bracket is an error with its line."""
     (tmp_path / "limits.ini").write_text("part torso\njoints (0 1\nspeed (5 6)\n")
     with pytest.raises(ParameterError, match=r"limits\.ini:2.* never closed") as caught:
         Limits().resolve_parameters(param="--from limits.ini", folder=str(tmp_path))
@@ -184,7 +184,7 @@ def test_a_file_whose_rest_is_lost_is_an_error(tmp_path: Path):
 
 
 def test_what_reading_a_file_warns_of_has_its_place_once(tmp_path: Path):
-    """As compilers write it."""
+    """A warning of a file has its place once."""
     (tmp_path / "limits.ini").write_text("part x$NOWHERE\n")
     test = Limits()
     test.resolve_parameters(param="--from limits.ini", folder=str(tmp_path))
@@ -193,13 +193,13 @@ def test_what_reading_a_file_warns_of_has_its_place_once(tmp_path: Path):
 
 
 def test_nan_is_outside_every_range():
-    """A number that is none never passes for a value."""
+    """NaN is outside of every range."""
     (found,) = problems('--part arm --joints "(0)" --speed "(nan)"')
     assert "nan is not within" in found
 
 
 def test_a_missing_file_lists_the_places(tmp_path: Path):
-    """The C++ framework's message on a missing file is empty."""
+    """The error about a missing file lists the searched places."""
     with pytest.raises(FileNotFoundError) as caught:
         Limits().resolve_parameters(param="--from nowhere.ini --part arm", folder=str(tmp_path))
     assert "nowhere.ini: not found" in str(caught.value)
@@ -207,7 +207,7 @@ def test_a_missing_file_lists_the_places(tmp_path: Path):
 
 
 def test_a_declaration_of_an_unknown_type_or_unit_is_refused():
-    """Mistakes of the author are seen when the class is written, not on the robot."""
+    """A parameter of an unknown type or unit raises an error when it is declared."""
     with pytest.raises(TypeError, match="a parameter is a bool"):
         Parameter(complex, "no such type")
     with pytest.raises(ValueError, match="did you mean"):
@@ -215,7 +215,7 @@ def test_a_declaration_of_an_unknown_type_or_unit_is_refused():
 
 
 def test_inherited_declarations_count():
-    """A family of tests declares what they share once."""
+    """Declarations are inherited."""
 
     class Derived(Limits):
         extra = Parameter(int, "one more", default=1)
@@ -226,7 +226,7 @@ def test_inherited_declarations_count():
 
 @given(st.lists(st.integers(0, 50), max_size=8), st.floats(1.0, 100.0))
 def test_what_is_written_is_what_is_read(joints: list[int], speed: float):
-    """Any list of the right length within its range arrives as it was written."""
+    """A valid list has the values that were written."""
     written = " ".join(map(str, joints))
     speeds = " ".join(repr(speed) for _ in joints)
     test, _ = resolve(f'--part arm --joints "({written})" --speed "({speeds})"')
@@ -236,6 +236,6 @@ def test_what_is_written_is_what_is_read(joints: list[int], speed: float):
 
 @given(st.text(max_size=60))
 def test_no_string_breaks_the_filling(text: str):
-    """Whatever stands in a suite, the worst that happens is our own error."""
+    """Any parameter string gives values or ParameterError."""
     with pytest.raises(ParameterError):  # the part that must be given is never given by such a string
         Limits().resolve_parameters(param=text.replace("--from", "--form").replace("--part", "--prat"))

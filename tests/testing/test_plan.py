@@ -1,4 +1,4 @@
-"""From suites and plug-ins to a plan: several classes of a file, matrices, and the one description of a plug-in."""
+"""The plan: classes of a file, matrices, and the description of a plug-in."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def planned(folder: Path, body: str, **overrides: str) -> list[TestEntry]:
-    """The entries of the plan of a suite with this content; what the plan misses is an error."""
+    """Return the planned tests of a suite with this content, of which none may be missing."""
     (folder / "s.xml").write_text(f'<suite name="s">{body}</suite>')
     loaded = load_files([(folder / "s.xml", True)], {})
     assert not loaded.diagnostics
@@ -60,7 +60,7 @@ def planned(folder: Path, body: str, **overrides: str) -> list[TestEntry]:
 
 
 def test_a_matrix_makes_a_test_of_each_combination(folder: Path):
-    """Names and ids have the labels of pytest, the last parameter turns fastest, and values arrive as they are."""
+    """Each combination is a test with pytest's label; the last parameter changes first."""
     entries = planned(folder, "<test>nod.py</test>")
     assert [test.name for test in entries] == [
         "nod[10-head]",
@@ -83,12 +83,12 @@ def test_a_matrix_makes_a_test_of_each_combination(folder: Path):
     ],
 )
 def test_what_a_suite_or_the_command_line_sets_is_not_varied(folder: Path, body: str, overrides: dict[str, str]):
-    """Else the same test would run several times under different names."""
+    """A parameter that suite or command line sets is not varied."""
     assert [test.name for test in planned(folder, body, **overrides)] == ["nod[head]", "nod[left arm]"]
 
 
 def test_a_matrix_of_computed_values_is_known_before_the_run(folder: Path):
-    """A plug-in whose text does not tell is loaded in a child; also where the matrix is inherited from another file."""
+    """A computed or inherited matrix is found by loading the plug-in in a child."""
     computed = NOD.replace("speed=(10, 20.5), part=", "gains=([v / 2] for v in range(2)), part=")
     write_files(folder, {"nod.py": computed, "nods.py": "from nod import Nod\nclass Again(Nod):\n    pass\n"})
     names = [test.name for test in planned(folder, "<test>nods.py</test>")]
@@ -107,13 +107,13 @@ def test_a_matrix_of_computed_values_is_known_before_the_run(folder: Path):
     ],
 )
 def test_a_matrix_that_makes_no_sense_is_the_authors_error(values: dict[str, tuple[object, ...]], problem: str):
-    """At once, not in the middle of a run."""
+    """An invalid matrix raises an error when it is declared."""
     with pytest.raises((ValueError, TypeError), match=problem):
         Matrix(**values)
 
 
 def test_a_matrix_takes_what_parameters_take():
-    """Truth values, numbers, texts, lists."""
+    """A matrix may have booleans, numbers, texts and lists."""
     axes = Matrix(a=(True,), b=("",), c=([1, 2.5], ["x y"])).axes
     assert [*combinations(PluginSpec(matrix=axes), ())] == [
         ("True--c0", (("a", "true"), ("b", '""'), ("c", "(1 2.5)"))),
@@ -122,7 +122,7 @@ def test_a_matrix_takes_what_parameters_take():
 
 
 def test_all_test_classes_of_a_file_run(folder: Path):
-    """Each with its own tags; the base that they share is none of them."""
+    """All test classes of a file are planned with their tags, but not their common base."""
     entries = planned(folder, "<test>two.py</test>")
     assert [(test.name, test.id, test.tags) for test in entries] == [
         ("two::Left", "s/two.Left", ("left",)),
@@ -132,7 +132,7 @@ def test_all_test_classes_of_a_file_run(folder: Path):
 
 @pytest.mark.parametrize("test", ['<test class="Right">two.py</test>', "<test>two.py::Right</test>"])
 def test_one_class_of_a_file_is_named_by_class_or_after_two_colons(folder: Path, test: str):
-    """Either way it is the same test with the same id."""
+    """A class is named by an attribute or after ``::``, with the same id."""
     assert [(entry.name, entry.id) for entry in planned(folder, test)] == [("two::Right", "s/two.Right")]
 
 
@@ -146,7 +146,7 @@ def test_one_class_of_a_file_is_named_by_class_or_after_two_colons(folder: Path,
     ],
 )
 def test_classes_and_combinations_are_chosen_on_the_command_line(folder: Path, arguments: list[str], ran: list[str]):
-    """By ``file.py::Class`` and by ``-k``."""
+    """Classes are selected by ``file.py::Class``, combinations by ``-k``."""
     outcome = run_command(folder, *arguments)
     assert outcome.exit_code == ExitCode.PASSED, outcome.stderr
     assert [test.name for test in outcome.results.tests.values()] == ran
@@ -154,21 +154,21 @@ def test_classes_and_combinations_are_chosen_on_the_command_line(folder: Path, a
 
 @pytest.mark.parametrize("command", [["--dry-run", "--test"], ["describe"]])
 def test_a_class_that_a_file_has_not_is_told_with_those_that_it_has(folder: Path, command: list[str]):
-    """A slip of the pen must not run another class."""
+    """The error about an unknown class lists those of the file."""
     done = run_command(folder, *command, "two.py::Lft")
     assert done.exit_code == ExitCode.USAGE
     assert "has no class 'Lft'; it has Base, Left, Right" in done.stderr
 
 
 def test_a_test_that_requires_one_with_a_matrix_requires_all_of_it(folder: Path):
-    """Every combination has to pass."""
+    """Requiring a test with a matrix requires every combination."""
     *_, last = planned(folder, '<test>nod.py</test><test class="Left" requires="test:nod">two.py</test>')
     assert len(last.required_tests) == 4
 
 
 @pytest.mark.parametrize("kind", ["test", "fixture"])
 def test_the_text_of_every_shipped_plug_in_tells_what_the_loaded_class_says(kind: str):
-    """The two sources of a description agree in all that the text tells."""
+    """The description read from the text agrees with the loaded class, for every shipped plug-in."""
     folder = plugins.shipped_folder(kind)
     refs = {
         plugins.PluginRef(kind, path.name, str(path), "python", spec.class_name): spec
@@ -187,7 +187,7 @@ def test_the_text_of_every_shipped_plug_in_tells_what_the_loaded_class_says(kind
 
 
 def test_facts_that_the_text_computes_are_known_before_the_run(folder: Path):
-    """Tags select, and what is required is required, also where the file builds them from other values."""
+    """Computed tags and requirements are known before the run."""
     text = 'from rtf.testing import TestCase\nTAGS = ("slow",)\nclass Slow(TestCase):\n    tags = TAGS\n'
     write_files(folder, {"slow.py": f'{text}    requires = ("env:" + "NOT_THERE",)\n    def run(self): pass\n'})
     outcome = run_command(folder, "slow.py", "two.py", "--tags", "slow")

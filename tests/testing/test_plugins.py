@@ -1,4 +1,4 @@
-"""Finding and loading plug-ins: by file, by declared name, along the search path, with every place told."""
+"""Finding and loading plug-ins by file, name and search path."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ class JointLimits(TestCase):
 
 @pytest.fixture(autouse=True)
 def no_other_places(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
-    """Only the folders of the test itself, and those shipped, are searched."""
+    """Search only the folders of the test, and the shipped ones."""
     monkeypatch.delenv("RTF_PLUGIN_PATH", raising=False)
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A suite's folder with one native plug-in."""
+    """A suite's folder with one plug-in."""
     suite = tmp_path / "suite"
     suite.mkdir()
     (suite / "limits_of_joints.py").write_text(NATIVE)
@@ -51,19 +51,19 @@ def folder(tmp_path: Path) -> Path:
     ],
 )
 def test_a_plugin_answers_to_file_class_name_and_aliases(folder: Path, name: str):
-    """Each of these names in a suite means the same file."""
+    """File, class, declared name and aliases find the same plug-in."""
     ref = find("test", name, beside=folder)
     assert ref.path == str(folder / "limits_of_joints.py")
     assert type(plugins.load_test(ref)).__name__ == "JointLimits"
 
 
 def test_dll_means_the_python_plugin_that_declares_the_name(folder: Path):
-    """Old suites say type dll; the compiled library is not looked for."""
+    """The type dll of old suites finds the Python plug-in of that name."""
     assert find("test", "JointLimitsTest", "dll", beside=folder).language == "python"
 
 
 def test_facts_are_known_without_running_the_file(folder: Path):
-    """Tags, requirements and time-out are read from the text alone."""
+    """Tags, requirements and time-out are read from the text without running it."""
     (folder / "limits_of_joints.py").write_text(NATIVE + "\nraise SystemExit('must not be run')\n")
     spec = plugin_source.spec_of(find("test", "JointLimits", beside=folder))
     assert (spec.tags, spec.requires, spec.timeout) == (("motion",), ("program:sh",), 12.0)
@@ -71,7 +71,7 @@ def test_facts_are_known_without_running_the_file(folder: Path):
 
 
 def test_private_classes_are_no_plugins(folder: Path):
-    """What a test keeps its values in does not hide what the test says of itself."""
+    """Private classes beside a test are no plug-ins."""
     private = "\nfrom typing import NamedTuple\nclass _Side(NamedTuple):\n    sign: int\n"
     (folder / "limits_of_joints.py").write_text(NATIVE.replace("timeout = 12", "safety = Safety.MOTION") + private)
     spec = plugin_source.spec_of(find("test", "limits_of_joints.py", beside=folder))
@@ -127,14 +127,14 @@ class _Mixed(TestCase):
     ],
 )
 def test_what_a_test_does_to_its_surroundings_is_read_or_unknown(folder: Path, text: str, safety: str | None):
-    """Its own word, or that of the library's classes and those in the file it derives from; else nobody can tell."""
+    """The safety class is read from the class and its known bases, or is unknown."""
     (folder / "t.py").write_text(f"{BASES}{text}\n")
     assert plugin_source.spec_of(find("test", "t.py", beside=folder)).safety == safety
 
 
 @pytest.mark.parametrize("bases", ["NamedTuple", "Protocol", "enum.IntEnum", "ValueError", "abc.ABC, dict", "Helper"])
 def test_classes_of_python_beside_a_test_are_no_plugins(folder: Path, bases: str):
-    """What a test keeps its values in does not hide what it does."""
+    """Classes without a base of tests are no plug-ins."""
     helper = "class Helper(NamedTuple): value: int\n" if bases == "Helper" else ""
     (folder / "t.py").write_text(f"{BASES}{helper}class Step({bases}): pass\nclass T(_Own): pass\n")
     assert plugin_source.spec_of(find("test", "t.py", beside=folder)).safety == "motion"
@@ -143,7 +143,7 @@ def test_classes_of_python_beside_a_test_are_no_plugins(folder: Path, bases: str
 
 
 def test_programs_and_scripts_declare_nothing(folder: Path):
-    """They have no way to."""
+    """Programs and Lua scripts have no safety class."""
     (folder / "t.lua").write_text("return {}")
     assert plugin_source.spec_of(find("test", "t.lua", beside=folder)).safety == ""
     assert plugin_source.spec_of(find("test", "true", "executable", beside=folder)).safety == ""
@@ -151,7 +151,7 @@ def test_programs_and_scripts_declare_nothing(folder: Path):
 
 @pytest.mark.parametrize(("name", "type_"), [("sweep.lua", None), ("sweep.lua", "lua"), ("sweep", "lua")])
 def test_an_alias_may_be_the_name_of_a_script_in_lua(folder: Path, name: str, type_: str | None):
-    """Old suites name the script; where there is none, the Python plug-in that declares its name is meant."""
+    """A script's name finds the script, or the Python plug-in with that alias."""
     (folder / "limits_of_joints.py").write_text(NATIVE.replace('"limits"', '"sweep.lua"'))
     ref = find("test", name, type_, beside=folder)
     assert (Path(ref.path).name, ref.language) == ("limits_of_joints.py", "python")
@@ -161,7 +161,7 @@ def test_an_alias_may_be_the_name_of_a_script_in_lua(folder: Path, name: str, ty
 
 
 def test_the_suites_folder_comes_before_the_plugin_path(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """The nearest file of a name wins."""
+    """The suite's folder is searched before RTF_PLUGIN_PATH."""
     other = tmp_path / "other"
     other.mkdir()
     (other / "limits_of_joints.py").write_text(NATIVE)
@@ -172,7 +172,7 @@ def test_the_suites_folder_comes_before_the_plugin_path(folder: Path, tmp_path: 
 
 
 def test_what_is_not_found_says_where_it_was_looked_for(folder: Path):
-    """Every place is listed, and a near name is suggested."""
+    """The error about a missing plug-in lists the searched places and a near name."""
     with pytest.raises(PluginNotFoundError) as caught:
         find("test", "JointLimit", beside=folder)
     assert "did you mean JointLimits" in str(caught.value)
@@ -181,19 +181,19 @@ def test_what_is_not_found_says_where_it_was_looked_for(folder: Path):
 
 
 def test_a_wrong_case_is_suggested_first(folder: Path):
-    """Names are compared exactly, as file systems do, but a slip in case is recognised."""
+    """A name in the wrong case is not found, and the right one is suggested."""
     with pytest.raises(PluginNotFoundError, match=r"did you mean JointLimits\b"):
         find("test", "jointlimits", beside=folder)
 
 
 def test_an_unknown_type_lists_the_known_ones(folder: Path):
-    """A misspelt type is told apart from a missing plug-in."""
+    """The error about an unknown type lists the known ones."""
     with pytest.raises(PluginNotFoundError, match=r"types are .*gtest.*lua.*python"):
         find("test", "JointLimits", "pyton", beside=folder)
 
 
 def test_a_program_must_be_executable(folder: Path):
-    """A file that is neither script nor executable is named with what fixes it."""
+    """A file that is not executable is an error with a hint."""
     script = folder / "probe.sh"
     script.write_text("#!/bin/sh\n")
     with pytest.raises(PluginNotFoundError, match=r"chmod \+x"):
@@ -203,14 +203,14 @@ def test_a_program_must_be_executable(folder: Path):
 
 
 def test_a_program_on_the_path_is_found_by_type(folder: Path):
-    """With a type that means a program, the PATH counts; without one it does not."""
+    """PATH is searched only with a type for programs."""
     assert find("test", "sh", "exit", beside=folder).language == "executable:exit"
     with pytest.raises(PluginNotFoundError):
         find("test", "sh", beside=folder)
 
 
 def test_two_classes_and_no_name_is_an_error(folder: Path):
-    """Which class is meant must be certain."""
+    """Loading a file with two classes and without a class's name is an error."""
     (folder / "two.py").write_text(
         "from rtf.testing import TestCase\nclass A(TestCase):\n  pass\nclass B(TestCase):\n  pass\n",
     )
@@ -220,7 +220,7 @@ def test_two_classes_and_no_name_is_an_error(folder: Path):
 
 
 def test_a_base_class_beside_its_only_leaf_is_no_doubt(folder: Path):
-    """A file with a base class and one test derived from it has one test."""
+    """A base class with one derived test is not ambiguous."""
     (folder / "family.py").write_text(
         "from rtf.testing import TestCase\nclass Base(TestCase):\n  pass\nclass Leaf(Base):\n  pass\n",
     )
@@ -228,13 +228,13 @@ def test_a_base_class_beside_its_only_leaf_is_no_doubt(folder: Path):
 
 
 def test_a_module_is_named_for_its_kind_and_stem(folder: Path):
-    """No plug-in's module can shadow anybody's package."""
+    """A plug-in's module has a name that shadows no other package."""
     test = plugins.load_test(find("test", "JointLimits", beside=folder))
     assert type(test).__module__ == "rtf_plugins.test.limits_of_joints"
 
 
 def test_a_file_may_import_its_neighbour(folder: Path):
-    """A helper beside a test is found."""
+    """A plug-in can import a module beside it."""
     (folder / "a_helper_of_ours.py").write_text("VALUE = 42\n")
     (folder / "user.py").write_text(
         "import a_helper_of_ours\nfrom rtf.testing import TestCase\n"
@@ -244,7 +244,7 @@ def test_a_file_may_import_its_neighbour(folder: Path):
 
 
 def test_a_syntax_error_keeps_its_place(folder: Path):
-    """What is wrong in a plug-in is said by Python itself."""
+    """A syntax error in a plug-in has its file."""
     (folder / "wrong.py").write_text("class X(\n")
     with pytest.raises(SyntaxError) as caught:
         plugins.load_test(find("test", "wrong.py", beside=folder))

@@ -1,4 +1,4 @@
-"""Questions to the operator: what counts as an answer, and what happens when nobody gives one."""
+"""Questions to the operator: valid answers, and runs without an operator."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Asking(TestCase):
 
 
 def asked(form: str, **members: object) -> Asked:
-    """A question."""
+    """Return a question."""
     return Asked(test="s/t", question="s/t#1", text="?", form=form, **members)
 
 
@@ -51,7 +51,7 @@ def asked(form: str, **members: object) -> Asked:
     ],
 )
 def test_what_counts_as_an_answer(question: Asked, typed: str, answer: str):
-    """Answers are understood in the operator's languages, choices also by number."""
+    """Answers are accepted in the operator's languages, and choices by number."""
     assert interpret(question, typed) == answer
 
 
@@ -69,14 +69,14 @@ def test_what_counts_as_an_answer(question: Asked, typed: str, answer: str):
     ],
 )
 def test_what_is_no_answer(question: Asked, typed: str):
-    """What does not answer is told, and the question stays open."""
+    """An invalid answer raises AnswerError, and the question stays open."""
     with pytest.raises(AnswerError):
         interpret(question, typed)
 
 
 @given(st.sampled_from(["confirm", "choice", "number", "text"]), st.text(max_size=50))
 def test_nothing_typed_breaks_it(form: str, typed: str):
-    """Any line is an answer or an AnswerError."""
+    """Any line is an answer, or raises AnswerError."""
     try:
         answer = interpret(asked(form, choices=("a", "b")), typed)
     except AnswerError:
@@ -85,7 +85,7 @@ def test_nothing_typed_breaks_it(form: str, typed: str):
 
 
 def test_an_automatic_answer_is_given_where_it_fits():
-    """One answer for a run without people; questions it does not fit get their default."""
+    """An automatic answer is given where it is valid, else the default."""
     given: list[tuple[str | None, str]] = []
     for answer in ("yes", "default"):
         control = Control(answer=answer)
@@ -96,7 +96,7 @@ def test_an_automatic_answer_is_given_where_it_fits():
 
 
 def test_answers_reach_the_test(tmp_path: Path):
-    """A question is an event, its answer another, and the test goes on with it."""
+    """Question and answer are events, and the test gets the answer."""
     answers = {"confirm": "yes", "choice": "right", "number": "12.5"}
     control = Control()
     control.attend(lambda asked: control.answer(asked.test, asked.question, answers[asked.form], "a program"))
@@ -107,7 +107,7 @@ def test_answers_reach_the_test(tmp_path: Path):
 
 
 def test_nobody_there_means_the_default_or_inconclusive(tmp_path: Path):
-    """A question never holds up a run in which nobody can answer."""
+    """Without an operator a question has its default, or the test is inconclusive."""
     default = """
 from rtf.testing import TestCase
 class Default(TestCase):
@@ -121,7 +121,7 @@ class Default(TestCase):
 
 
 def test_a_question_that_nobody_answers_times_out(tmp_path: Path):
-    """An operator who is away leads to the default after the time-out, not to a hang."""
+    """A question without an answer in time has its default."""
     away = """
 from rtf.testing import TestCase
 class Away(TestCase):
@@ -137,7 +137,7 @@ class Away(TestCase):
 
 
 class Terminal:
-    """``testrunner`` on a terminal of its own, and the person before it."""
+    """``testrunner`` at a terminal."""
 
     def __init__(self, folder: Path, *arguments: str) -> None:
         self._end, there = pty.openpty()
@@ -153,7 +153,7 @@ class Terminal:
         os.close(there)
 
     def wait_for(self, text: str) -> str:
-        """Wait until something is shown; returns what was shown up to it."""
+        """Wait until a text is shown; return the output up to it."""
         deadline = clock.Deadline.after(60)
         while text not in self.shown:
             assert not deadline.expired, self.shown
@@ -167,7 +167,7 @@ class Terminal:
         os.write(self._end, line.encode() + b"\n")
 
     def close(self) -> int:
-        """Read to the end; returns the exit code."""
+        """Read to the end, and return the exit code."""
         with contextlib.suppress(OSError):  # nobody holds the other end any more
             while data := os.read(self._end, 65536):
                 self.shown += data.decode()
@@ -176,7 +176,7 @@ class Terminal:
 
 
 def test_a_person_at_the_terminal_answers(tmp_path: Path):
-    """On a real terminal the questions are shown and typed lines answer them, a wrong one is asked for again."""
+    """Questions are shown at the terminal; a typed line answers, an invalid one is asked again."""
     write_files(tmp_path, {"asking__py": ASKING})
     terminal = Terminal(tmp_path, "-t", "asking.py")
     for shown, typed in [("stand?", "maybe"), ("yes or no", "yes"), ("arm?", "2"), ("far?", "12.5")]:
@@ -186,7 +186,7 @@ def test_a_person_at_the_terminal_answers(tmp_path: Path):
 
 
 def test_people_at_the_terminal_and_at_the_page_are_asked_together(tmp_path: Path):
-    """A question goes to all; whoever is first counts, and the record says who it was."""
+    """A question is at terminal and page; the first answer counts, with its source."""
     write_files(tmp_path, {"asking__py": ASKING})
     terminal = Terminal(tmp_path, "-t", "asking.py", "--run-folder", "run", "-w", "--web-port", "0")
     page = Page.said(terminal.wait_for("#token=") + terminal.wait_for("\n"))
@@ -221,7 +221,7 @@ class Pictured(TestCase):
 
 
 def test_a_picture_is_kept_with_the_run(tmp_path: Path):
-    """Wherever it was, what the question names is a path inside the run's folder; one that is there is not copied."""
+    """A picture is copied into the run's folder, unless it is there already."""
     outcome = run_suite(tmp_path, "<test>pictured.py</test>", pictured__py=PICTURED)
     assert outcome.verdict("pictured") is Verdict.PASSED
     pictures = [event.picture for event in outcome.of(Asked)]
@@ -231,7 +231,7 @@ def test_a_picture_is_kept_with_the_run(tmp_path: Path):
 
 
 def test_a_picture_that_is_not_there_is_an_error_of_the_test(tmp_path: Path):
-    """A question about a picture that nobody sees is not asked."""
+    """A question with a missing picture is an error of the test, and is not asked."""
     test = """
 from rtf.testing import TestCase
 class Missing(TestCase):

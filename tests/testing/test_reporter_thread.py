@@ -1,4 +1,4 @@
-"""Calls of reporters: bounded, in order, and updates of reports that cost no more than their share."""
+"""The thread that calls reporters: calls have a limit and an order, and updates a share of time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.waiting import eventually
 
 
 class Hearing(Reporter):
-    """Keeps what it hears, and how often it was updated."""
+    """A reporter that keeps its events and counts its updates."""
 
     plugin_name = "hearing"
     patience = 0.2
@@ -36,7 +36,7 @@ class Hearing(Reporter):
 
 
 class Hanging(Hearing):
-    """Does not come back from its second event."""
+    """A reporter that hangs in its second event."""
 
     plugin_name = "hanging"
 
@@ -48,19 +48,19 @@ class Hanging(Hearing):
 
 @pytest.fixture
 def broken() -> list[tuple[Reporter, BaseException]]:
-    """What was told of reporters."""
+    """The reporters that failed, with their errors."""
     return []
 
 
 def thread_of(broken: list[tuple[Reporter, BaseException]], *reporters: Reporter) -> ReporterThread:
-    """A thread that calls these reporters, of a run that is going on."""
+    """Return a thread that calls these reporters in a running run."""
     thread = ReporterThread(reporters, lambda reporter, error: broken.append((reporter, error)))
     thread.live = True
     return thread
 
 
 def test_the_others_hear_each_event_once_when_one_hangs(broken: list[tuple[Reporter, BaseException]]):
-    """Those before it and those behind it, the event in hand too; nobody has to ask or to wait for that."""
+    """If a reporter hangs, the others get each event once."""
     before, hanging, behind = Hearing(), Hanging(), Hearing()
     thread = thread_of(broken, before, hanging, behind)
     events = [SuiteStarted(suite=f"s{number}") for number in range(4)]
@@ -74,7 +74,7 @@ def test_the_others_hear_each_event_once_when_one_hangs(broken: list[tuple[Repor
 
 
 def test_an_expensive_report_is_brought_up_to_date_less_often(broken: list[tuple[Reporter, BaseException]]):
-    """A report that takes a tenth of a second of the processor has to wait for many seconds, and no other with it."""
+    """A report whose update takes long is updated rarely, without delaying others."""
 
     class Expensive(Hearing):
         patience = 10.0
@@ -102,7 +102,7 @@ def test_an_expensive_report_is_brought_up_to_date_less_often(broken: list[tuple
 def test_the_first_test_is_in_the_reports_as_soon_as_it_has_ended(
     broken: list[tuple[Reporter, BaseException]], monkeypatch: pytest.MonkeyPatch
 ):
-    """A runner that is killed in its first second has told of it; later ends wait for their turn."""
+    """Reports are updated after the first test, and then periodically."""
     monkeypatch.setattr(reporter_thread, "PAUSE", 1000.0)
     reporter = Hearing()
     thread = thread_of(broken, reporter)
@@ -117,7 +117,7 @@ def test_the_first_test_is_in_the_reports_as_soon_as_it_has_ended(
 
 
 def test_a_report_that_is_up_to_date_is_not_written_again(broken: list[tuple[Reporter, BaseException]]):
-    """Nothing has happened since."""
+    """A report is not updated without new events."""
     reporter, other = Hearing(), Hearing()
     thread = thread_of(broken, reporter, other)
     thread.put(SuiteStarted(suite="s"))
@@ -128,7 +128,7 @@ def test_a_report_that_is_up_to_date_is_not_written_again(broken: list[tuple[Rep
 
 
 def test_answers_and_errors_of_a_bounded_call_come_back():
-    """As if it had been called in the usual way."""
+    """A limited call returns the result, or raises the error."""
 
     class Refusing(Hearing):
         def open(self) -> None:
@@ -140,7 +140,7 @@ def test_answers_and_errors_of_a_bounded_call_come_back():
 
 
 def test_what_goes_wrong_while_reporters_linger_is_given_back():
-    """The others have their turn; who stays has time to go when that is asked."""
+    """An error of a reporter that lingers is returned, and the others go on."""
 
     class Leaving(Hearing):
         def linger(self, stop: threading.Event) -> None:
@@ -162,7 +162,7 @@ def test_what_goes_wrong_while_reporters_linger_is_given_back():
 def test_a_run_that_is_to_stop_waits_less_for_its_reports(
     broken: list[tuple[Reporter, BaseException]], monkeypatch: pytest.MonkeyPatch, asked: list[int], limit: float
 ):
-    """Less when it was asked before, and least when it is asked again meanwhile."""
+    """A stopped run waits less for its reports, and least after another stop."""
     monkeypatch.setattr(reporter_thread, "STOPPING_LIMIT", 0.3)
     monkeypatch.setattr(reporter_thread, "HURRIED_LIMIT", 0.1)
 

@@ -1,4 +1,4 @@
-"""Results are folded from events; the exit code is the one number that a shell reads."""
+"""Results, computed from events, and the exit code."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from rtf.testing.verdict import ExitCode, FixtureState, Phase, Severity, Verdict
 
 
 def results_of(*verdicts: Verdict, more: tuple[Event, ...] = ()) -> RunResult:
-    """The results of a run of one suite whose tests came to these verdicts."""
+    """Return the results of a run of one suite with these verdicts."""
     results = RunResult()
     events: list[Event] = [RunStarted(run="r", version="1"), SuitePlanned(suite="s", name="s")]
     for index, verdict in enumerate(verdicts):
@@ -54,17 +54,17 @@ CODES = {
 
 @pytest.mark.parametrize("verdict", Verdict)
 def test_exit_code_of_a_run_of_one_test(verdict: Verdict):
-    """Good verdicts give 0, a run of nothing but skips 5, everything else 1."""
+    """Good verdicts give 0, only skips give 5, all others 1."""
     assert results_of(verdict).exit_code() == CODES[verdict]
 
 
 def test_one_bad_test_among_good_ones_is_a_failure():
-    """No number of passes outweighs it."""
+    """One bad verdict makes the run fail."""
     assert results_of(*[Verdict.PASSED] * 9, Verdict.INCONCLUSIVE).exit_code() is ExitCode.FAILURES
 
 
 def test_empty_run():
-    """Nothing ran is no success, unless it was allowed."""
+    """A run without tests has its own exit code, unless it is allowed."""
     assert results_of().exit_code() is ExitCode.NOTHING_RAN
     assert results_of().exit_code(allow_empty=True) is ExitCode.PASSED
     assert results_of().verdict() is Verdict.NOT_RUN
@@ -89,7 +89,7 @@ GRUMBLE = Message(severity=Severity.ERROR, title="x", suite="s", fixture="rig")
     ],
 )
 def test_what_comes_first_among_exit_codes(more: tuple[Event, ...], code: int):
-    """Internal error, interrupt, fixture, failures: the first of these that applies."""
+    """The exit code is that of internal error, interrupt, fixture or failures, in this order."""
     assert results_of(Verdict.PASSED, more=more).exit_code() == code
 
 
@@ -100,7 +100,7 @@ def test_fixture_that_came_back_is_usable():
 
 
 def test_only_the_final_attempt_gives_the_verdict():
-    """Attempts before it are kept, their messages are not."""
+    """The last attempt gives verdict and messages; earlier ones are kept without messages."""
     test = "s/0"
     results = results_of(Verdict.PASSED)
     bad = Message(severity=Severity.FAILURE, title="x", test=test)
@@ -118,7 +118,7 @@ def test_only_the_final_attempt_gives_the_verdict():
 
 
 def test_events_of_what_was_never_planned_are_passed_over():
-    """No event can break the fold."""
+    """Events of unplanned tests and suites are ignored."""
     results = results_of()
     for event in (
         TestStarted(test="x"),
@@ -135,7 +135,7 @@ def test_events_of_what_was_never_planned_are_passed_over():
 
 
 def test_memory_of_a_test_that_fails_for_ever_is_bounded():
-    """Fifty problems are kept and all are counted, of a test and of a fixture."""
+    """Fifty problems of a test are kept, and all are counted."""
     results = results_of(Verdict.FAILED)
     for _ in range(10_000):
         results.apply(Message(severity=Severity.FAILURE, title="x", test="s/0"))
@@ -146,7 +146,7 @@ def test_memory_of_a_test_that_fails_for_ever_is_bounded():
 
 
 def test_a_case_belongs_to_its_program_and_no_test_to_itself():
-    """A journal that somebody else wrote may say anything."""
+    """A case belongs to its program; wrong parents in a journal are ignored."""
     results = RunResult()
     results.apply(SuitePlanned(suite="s", name="s"))
     for test, parent in (("s/p", ""), ("s/p::a", "s/p"), ("s/p::a::b", "s/p::a"), ("s/own", "s/own"), ("s/x", "s/no")):

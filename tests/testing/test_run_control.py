@@ -1,4 +1,4 @@
-"""The control of a run, by which people stop it and answer its questions."""
+"""The control of a run: stops, and answers to questions."""
 
 from __future__ import annotations
 
@@ -27,25 +27,25 @@ FINE = "from rtf.testing import TestCase\nclass Fine(TestCase):\n    def run(sel
 
 
 def question(test: str = "s/t", number: int = 1, **members: Any) -> Asked:
-    """A question."""
+    """Return a question."""
     return Asked(test=test, question=f"{test}#{number}", text="?", **members)
 
 
 def ended(test: str) -> TestEnded:
-    """The end of a test."""
+    """Return the end of a test."""
     return TestEnded(test=test, verdict=Verdict.PASSED, outcome=Verdict.PASSED)
 
 
 @pytest.fixture
 def control() -> Control:
-    """A control with one open question."""
+    """A control with an open question."""
     made = Control()
     made.ask(question(), lambda *_: None)
     return made
 
 
 def test_a_stop_before_the_run_is_remembered():
-    """Who is quicker than the run is heard all the same."""
+    """A stop before the run is announced to it."""
     control = Control()
     control.stop("a button", 1)
     heard: list[Any] = []
@@ -54,7 +54,7 @@ def test_a_stop_before_the_run_is_remembered():
 
 
 def test_a_stage_is_what_was_asked_for_and_never_less():
-    """Pressing the same button twice is not pressing the next one."""
+    """A stop has its stage, and never lowers it."""
     control = Control()
     stages = []
     for stage in (1, 1, 2, 1):
@@ -64,7 +64,7 @@ def test_a_stage_is_what_was_asked_for_and_never_less():
 
 
 def test_requests_count_up_to_three():
-    """Each one is stronger, until nothing is stronger; each is announced once."""
+    """Each request raises the stage up to three, and is announced once."""
     control = Control()
     heard: list[Any] = []
     for _ in range(4):
@@ -80,14 +80,14 @@ def test_requests_count_up_to_three():
 
 
 def test_a_run_that_is_over_is_not_stopped(control: Control):
-    """Its verdict stands."""
+    """Stopping a finished run raises TooLateError."""
     control.note(RunEnded(verdict=Verdict.PASSED, exit_code=0, duration=1.0))
     with pytest.raises(TooLateError, match="the run is over"):
         control.stop("a button", 1)
 
 
 def test_an_answer_is_understood_and_given_once(control: Control):
-    """The first valid one counts; the next is told who was quicker."""
+    """The first valid answer counts; a later one gets an error with the first source."""
     given: list[tuple[str | None, str]] = []
     control.ask(question(number=2), lambda answer, source: given.append((answer, source)))
     with pytest.raises(AnswerError, match="yes or no"):
@@ -99,7 +99,7 @@ def test_an_answer_is_understood_and_given_once(control: Control):
 
 
 def test_many_answer_at_once_and_one_is_taken(control: Control):
-    """From any thread."""
+    """Of answers from several threads one is taken."""
     given: list[str | None] = []
     control.ask(question(number=2), lambda answer, _source: given.append(answer))
     together = threading.Barrier(8)
@@ -118,7 +118,7 @@ def test_many_answer_at_once_and_one_is_taken(control: Control):
 
 
 def test_open_questions_are_listed_oldest_first(control: Control):
-    """What a box with buttons shows."""
+    """Open questions are listed, oldest first."""
     control.ask(question("s/u"), lambda *_: None)
     assert [asked.test for asked in control.questions()] == ["s/t", "s/u"]
 
@@ -129,7 +129,7 @@ def test_open_questions_are_listed_oldest_first(control: Control):
     ids=["its time is up", "its test is over"],
 )
 def test_a_question_that_nobody_waits_for_is_closed(control: Control, event: Any):
-    """An answer to it would otherwise be taken for that of the next one."""
+    """A question is closed by its time-out, or the end of its test."""
     control.note(event)
     assert control.questions() == ()
     with pytest.raises(TooLateError):
@@ -137,14 +137,14 @@ def test_a_question_that_nobody_waits_for_is_closed(control: Control, event: Any
 
 
 def test_other_tests_do_not_close_it(control: Control):
-    """Tests run side by side."""
+    """Events of other tests and questions do not close it."""
     control.note(ended("s/u"))
     control.note(Answered(test="s/t", question="s/t#2"))
     assert len(control.questions()) == 1
 
 
 def test_the_next_attempt_asks_anew(control: Control):
-    """Its question has the same name."""
+    """The question of the next attempt is open again."""
     control.answer("s/t", "s/t#1", "yes", "web")
     given: list[str | None] = []
     control.ask(question(), lambda answer, _source: given.append(answer))
@@ -153,7 +153,7 @@ def test_the_next_attempt_asks_anew(control: Control):
 
 
 def test_listeners_hear_of_each_question():
-    """So that a console can begin to read, and a button to blink."""
+    """Listeners get each question."""
     control, heard = Control(), []
     control.attend(heard.append)
     control.ask(question(), lambda *_: None)
@@ -164,7 +164,7 @@ def test_listeners_hear_of_each_question():
 
 
 def test_a_button_answers_a_real_test(tmp_path: Path):
-    """What any program does with the control it is given."""
+    """A program with the control can answer a test."""
     control = Control()
     control.attend(lambda asked: control.answer(asked.test, asked.question, "yes", "a button"))
     outcome = run_suite(tmp_path, "<test>asking.py</test>", options={"control": control}, asking__py=ASKING)
@@ -173,7 +173,7 @@ def test_a_button_answers_a_real_test(tmp_path: Path):
 
 
 def test_a_button_stops_a_real_run(tmp_path: Path):
-    """The running test ends, and nothing else begins."""
+    """A program with the control can stop a run after the running test."""
     control = Control()
 
     def stop_and_answer(asked: Asked) -> None:
@@ -189,7 +189,7 @@ def test_a_button_stops_a_real_run(tmp_path: Path):
 
 
 def test_a_stop_before_the_first_test_runs_nothing(tmp_path: Path):
-    """Through the options of a run, before it exists."""
+    """A stop before the run leaves all tests not run."""
     control = Control()
     control.stop("a button", 1)
     outcome = run_suite(tmp_path, "<test>fine.py</test>", options={"control": control}, fine__py=FINE)
@@ -198,7 +198,7 @@ def test_a_stop_before_the_first_test_runs_nothing(tmp_path: Path):
 
 
 def test_reporters_are_given_the_control(tmp_path: Path):
-    """The page has no privilege: a reporter in a file of the user's stops the run just so, after the running test."""
+    """Any reporter has the control, and can stop the run."""
     from harness import run_command, write_files
 
     reporter = """

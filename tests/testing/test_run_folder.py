@@ -1,4 +1,4 @@
-"""The folders of runs: new each time, named by what is run, and the newest is found as ``latest``."""
+"""The folders of runs: unique, named after the run, with a link to the newest."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ TEST = TestStarted(test="s/t")
 
 
 def test_runs_of_one_second_have_folders_of_their_own(tmp_path):
-    """However quickly they follow each other, no two share a folder."""
+    """Runs that follow each other quickly have different folders."""
     made = [make_run_folder(tmp_path / "runs", "robot", "suite") for _ in range(20)]
     assert len({*made}) == 20
     assert all(folder.is_dir() and "_robot_suite" in folder.name for folder in made)
 
 
 def test_latest_moves_when_something_is_done(tmp_path):
-    """A run of which nothing begins leaves the link at the run before."""
+    """``latest`` links to the newest run in which something began."""
     before, refused, elsewhere = (make_run_folder(tmp_path) for _ in range(3))
     runs = ((before, [STARTED, SERVER, TEST], True), (refused, [STARTED], True), (elsewhere, [STARTED, TEST], False))
     for folder, events, latest in runs:
@@ -34,14 +34,14 @@ def test_latest_moves_when_something_is_done(tmp_path):
 
 
 def test_name_of_a_robot_does_not_lead_out_of_the_folder(tmp_path):
-    """A word is part of a name, whatever is in it."""
+    """Special characters in a robot's name do not leave the folder."""
     folder = make_run_folder(tmp_path, "../../red/robot", "")
     assert folder.parent == tmp_path
     assert folder.name.endswith("_..-..-red-robot")
 
 
 def test_folder_that_cannot_be_made_is_an_error(tmp_path):
-    """Who asked for it says how to fix that."""
+    """A folder that cannot be made raises OSError."""
     (tmp_path / "file").touch()
     with pytest.raises(OSError, match="file"):
         make_run_folder(tmp_path / "file", "suite")

@@ -1,4 +1,4 @@
-"""The runner: suite workers, shared fixtures, stopping early, isolation, exit codes, and its own errors."""
+"""The runner: suite workers, shared fixtures, early ends, isolation, exit codes, and internal errors."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def wait_for(word):
 
 
 def test_file(body: str) -> str:
-    """A test plug-in whose body does this."""
+    """Return a test plug-in with this body."""
     return f"{HEAD}\nclass T(TestCase):\n    def run(self):\n        {body}\n"
 
 
@@ -63,7 +63,7 @@ test_file.__test__ = False  # type: ignore[attr-defined]
 
 
 def rig_file(name: str = "") -> str:
-    """A fixture plug-in that notes what is done to it."""
+    """Return a fixture plug-in that notes its calls."""
     return (
         f"{HEAD}\nclass Rig(FixtureManager):\n    speed = Parameter(float, 'how fast', default=1.0)\n"
         f"    def setup(self):\n        note('up{name}')\n"
@@ -73,7 +73,7 @@ def rig_file(name: str = "") -> str:
 
 @dataclass
 class Recorder(Reporter):
-    """A reporter that breaks where it is told to."""
+    """A reporter that raises an error where it is told to."""
 
     plugin_name: ClassVar[str] = "recorder"
     breaks_at: type[Event] | None = None
@@ -86,21 +86,21 @@ class Recorder(Reporter):
         super().__init__(ReportOptions(target=None, run_folder=Path()))
 
     def handle(self, event: Event, results: RunResult) -> None:
-        """Take note, or break."""
+        """Note the event, or raise an error."""
         self.heard.append(event.kind)
         self.order.append(event.seq)
         if self.breaks_at is not None and isinstance(event, self.breaks_at):
             raise RuntimeError("ink is out")
 
     def close(self, results: RunResult) -> None:
-        """Take note, or break."""
+        """Note the call, or raise an error."""
         self.closed += 1
         if self.breaks_on_close:
             raise RuntimeError("paper is out")
 
 
 def run_suites(tmp_path: Path, suites: dict[str, str], *reporters: Reporter, **more: object) -> Outcome:
-    """Run several suites, given by name and inside; ``more`` holds options, and files as ``name__py``."""
+    """Run several suites, given by name and content; ``more`` has options, and files as ``name__py``."""
     folder = tmp_path / "suite"
     files = {name: text for name, text in more.items() if isinstance(text, str)}
     options = {name: value for name, value in more.items() if name not in files}
@@ -119,17 +119,17 @@ def run_suites(tmp_path: Path, suites: dict[str, str], *reporters: Reporter, **m
 
 
 def open_files() -> int:
-    """How many descriptors this process has."""
+    """Return the number of descriptors of this process."""
     return sum(1 for _ in Path("/proc/self/fd").iterdir())
 
 
 def log_of(tmp_path: Path) -> list[str]:
-    """What was noted."""
+    """Return the notes."""
     return (tmp_path / "suite" / "log").read_text().split()
 
 
 def spans(outcome: Outcome) -> dict[str, tuple[int, int]]:
-    """From which place to which in the run's order each suite was at work."""
+    """Return the begin and end of each suite in the order of events."""
     starts = {event.suite: event.seq for event in outcome.of(SuiteStarted)}
     return {event.suite: (starts[event.suite], event.seq) for event in outcome.of(SuiteEnded)}
 
@@ -138,7 +138,7 @@ def spans(outcome: Outcome) -> dict[str, tuple[int, int]]:
 
 
 def test_suites_that_share_no_fixture_run_at_the_same_time(tmp_path: Path):
-    """Two suites that wait for each other come to an end with two suite workers."""
+    """Two suites that wait for each other end with two suite workers."""
     outcome = run_suites(
         tmp_path,
         {"a": "<test>a.py</test>", "b": "<test>b.py</test>"},
@@ -153,7 +153,7 @@ def test_suites_that_share_no_fixture_run_at_the_same_time(tmp_path: Path):
 
 
 def test_suites_that_share_a_fixture_never_overlap(tmp_path: Path):
-    """However many suite workers there are, a rig is under one suite at a time, also where suites share several."""
+    """A fixture is used by one suite at a time, with any number of suite workers."""
     shared = '<fixture name="one">one.py</fixture>'
     outcome = run_suites(
         tmp_path,
@@ -223,9 +223,9 @@ def test_suites_that_share_a_fixture_never_overlap(tmp_path: Path):
     ],
 )
 def test_what_may_be_one_rig_is_taken_for_one(tmp_path: Path, first: str, second: str, apart: bool):
-    """Only a ``param`` tells fixtures of one plug-in apart, and only if each has one: a robot is there once.
+    """Fixtures of one plug-in count as one unless each has its own ``param``.
 
-    It is moved by every test that may move something, unless that stands on a simulator.
+    A test that may move something uses the robot, unless it runs on a simulator.
     """
     rig = "from rtf.testing import FixtureManager\n\nclass Rig(FixtureManager):\n    plugin_name = 'rig'\n"
     suites = {"a.xml": first, "b.xml": second}
@@ -245,7 +245,7 @@ def test_what_may_be_one_rig_is_taken_for_one(tmp_path: Path, first: str, second
 
 
 def test_results_of_many_workers_are_complete_and_in_one_order(tmp_path: Path):
-    """Twelve suites in three suite workers: every test ends once, numbers have no gap, each suite counts its own."""
+    """Each test of many suite workers ends once, and events are numbered without gaps."""
     suites = {f"s{index}": "<test>t.py</test>" * 5 for index in range(12)}
     before = open_files()
     outcome = run_suites(tmp_path, suites, jobs=3, t__py=test_file("print('x')"))
@@ -258,7 +258,7 @@ def test_results_of_many_workers_are_complete_and_in_one_order(tmp_path: Path):
 
 
 def test_what_is_not_begun_any_more_costs_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """After a stop each of the suite workers starts processes once more at most, however many suites there are."""
+    """After a stop suite workers start no processes for the remaining suites."""
     started: list[ForkServerClient] = []
     start = ForkServerClient.start
     monkeypatch.setattr(
@@ -273,7 +273,7 @@ def test_what_is_not_begun_any_more_costs_nothing(tmp_path: Path, monkeypatch: p
 
 
 def test_worker_that_breaks_leaves_the_others_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """An internal error is told, its suite is not run, the others are, and the exit code is 3."""
+    """An internal error in a suite worker is reported; other suites run, and the exit code is 3."""
     begin = ForkServerClient.take
 
     def take(
@@ -320,7 +320,7 @@ def test_worker_that_breaks_leaves_the_others_alone(tmp_path: Path, monkeypatch:
     ],
 )
 def test_fixture_of_the_run_stays_up_for_the_very_same_one(second: str, ups: int, tmp_path: Path):
-    """A later suite stands on it only if it names the same fixture: name, plug-in and parameters."""
+    """A fixture of scope run is kept for a later suite with the same name, plug-in and parameters."""
     outcome = run_suites(
         tmp_path,
         {
@@ -337,7 +337,7 @@ def test_fixture_of_the_run_stays_up_for_the_very_same_one(second: str, ups: int
 
 
 def test_fixture_of_the_run_is_not_kept_without_what_it_stands_on(tmp_path: Path):
-    """When its foundation is another one in the next suite, both come down, and it comes down first."""
+    """A fixture of scope run is torn down with one that it depends on."""
 
     def fixtures(speed: int) -> str:
         base = f'<fixture name="base" scope="run" param="--speed {speed}">base.py</fixture>'
@@ -359,7 +359,7 @@ def test_fixture_of_the_run_is_not_kept_without_what_it_stands_on(tmp_path: Path
 
 
 def test_fail_fast_starts_nothing_after_the_first_bad_verdict(tmp_path: Path):
-    """Also in later suites; all that was left out is listed with the reason, and the fixture comes down."""
+    """After ``maxfail`` failures nothing is started, all others are listed as not run, and the fixture is torn down."""
     outcome = run_suites(
         tmp_path,
         {
@@ -380,7 +380,7 @@ def test_fail_fast_starts_nothing_after_the_first_bad_verdict(tmp_path: Path):
 
 
 def test_fail_fast_does_not_mind_good_verdicts(tmp_path: Path):
-    """A skip, a flaky test and an expected failure stop nothing."""
+    """Skipped, flaky and expected failures do not count for ``maxfail``."""
     outcome = run_suites(
         tmp_path,
         {
@@ -403,7 +403,7 @@ def test_fail_fast_does_not_mind_good_verdicts(tmp_path: Path):
 
 @pytest.mark.parametrize(("allow", "code"), [(False, ExitCode.NOTHING_RAN), (True, ExitCode.PASSED)])
 def test_empty_run(allow: bool, code: int, tmp_path: Path):
-    """A suite without tests is told, and is no success unless that was asked for."""
+    """A suite without tests is reported, and no success unless that is allowed."""
     outcome = run_suites(tmp_path, {"a": ""}, allow_empty=allow)
     assert outcome.exit_code == code
     assert [event.suite for event in outcome.of(SuiteEnded)] == ["a"]
@@ -424,7 +424,7 @@ class T(TestCase):
 
 @pytest.mark.parametrize(("isolation", "processes"), [("test", 3), ("suite", 1)])
 def test_isolation(isolation: str, processes: int, tmp_path: Path):
-    """A process for each test, or one for all tests of a suite; output goes to the test that wrote it."""
+    """Each test, or each suite, has one process; output belongs to the test that wrote it."""
     xml = f'<suite name="s" isolation="{isolation}">{"<test>t.py</test>" * 3}</suite>'
     outcome = run_suite(tmp_path, xml, t__py=STATEFUL)
     assert outcome.results.counts() == {Verdict.MEASURED: 3}
@@ -434,7 +434,7 @@ def test_isolation(isolation: str, processes: int, tmp_path: Path):
 
 
 def test_shared_process_that_crashes_is_replaced(tmp_path: Path):
-    """With isolation by suite a crash or a hang is an error of its test, and the next test has a new process."""
+    """A crash or hang in a shared process is an error of its test, and the next test has a new process."""
     outcome = run_suite(
         tmp_path,
         '<suite name="s" isolation="suite"><test name="a">t.py</test><test name="crash">crash.py</test>'
@@ -460,7 +460,7 @@ def test_shared_process_that_crashes_is_replaced(tmp_path: Path):
 
 
 def test_shared_process_that_was_stopped_is_replaced(tmp_path: Path):
-    """Also when it heeded that: what it was sent must not reach the next test."""
+    """A shared process that was stopped is replaced, also if it reacted."""
     outcome = run_suite(
         tmp_path,
         '<suite name="s" isolation="suite"><test name="a">t.py</test><test name="hang" timeout="0.1">hang.py</test>'
@@ -477,7 +477,7 @@ def test_shared_process_that_was_stopped_is_replaced(tmp_path: Path):
 
 
 def test_test_that_somebody_else_interrupts_has_not_passed(tmp_path: Path):
-    """It was broken off before the check that fails."""
+    """A test that is interrupted from outside of the runner is an error."""
     body = "self.check(True, '')\n        os.kill(os.getpid(), 2)\n        time.sleep(9)\n        self.check(False, '')"
     outcome = run_suite(tmp_path, '<suite name="s"><test name="t">t.py</test></suite>', t__py=test_file(body))
     assert outcome.verdict("t") is Verdict.ERROR
@@ -497,7 +497,7 @@ UNWAKEABLE = """
 
 
 def test_request_to_stop_that_is_not_noticed_is_followed_up(tmp_path: Path):
-    """A process whose interpreter missed a signal is woken, and torn down like any other."""
+    """A test that misses the signal of a stop is woken, and torn down."""
     outcome = run_suite(
         tmp_path,
         '<suite name="s"><test timeout="0.1">deaf.py</test></suite>',
@@ -511,7 +511,7 @@ def test_request_to_stop_that_is_not_noticed_is_followed_up(tmp_path: Path):
 
 
 def test_fixture_that_does_not_notice_that_it_is_to_end_is_woken(tmp_path: Path):
-    """The same for one that hangs in its setup."""
+    """A fixture that misses the signal in its setup is woken, and torn down."""
     outcome = run_suite(
         tmp_path,
         '<suite name="s"><fixture timeout="0.3" restarts="0">deaf.py</fixture><test>t.py</test></suite>',
@@ -540,7 +540,7 @@ CROWDED = """
 
 @pytest.mark.parametrize("kind", ["test", "fixture"])
 def test_stacks_are_written_before_it_is_asked_to_stop(tmp_path: Path, kind: str):
-    """A process that goes on while its frames are read would die of it, and tear nothing down."""
+    """Stacks are written before the stop, so that the process is not disturbed meanwhile."""
     suites = {
         "test": '<suite name="s"><test timeout="0.5">crowd.py</test></suite>',
         "fixture": '<suite name="s"><fixture timeout="0.5" restarts="0">crowd.py</fixture><test>t.py</test></suite>',
@@ -557,7 +557,7 @@ def test_stacks_are_written_before_it_is_asked_to_stop(tmp_path: Path, kind: str
 
 
 def test_isolation_none_is_the_runners_own_process(tmp_path: Path):
-    """For a debugger: the same verdicts, from inside the runner, which says so."""
+    """With isolation none tests run in the runner's process, with a warning."""
     write_files(
         tmp_path,
         {
@@ -577,7 +577,7 @@ def test_isolation_none_is_the_runners_own_process(tmp_path: Path):
 
 
 def test_fork_server_that_cannot_be_had_is_an_error_of_the_test(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """A loss is made good once; a test without a process is an error with a reason, and the others run."""
+    """A lost fork server is replaced once; a test without a process is an error, and the others run."""
     begin = ForkServerClient.take
     lost = []
 
@@ -608,7 +608,7 @@ def test_fork_server_that_cannot_be_had_is_an_error_of_the_test(tmp_path: Path, 
 
 
 def test_reporter_that_breaks_is_left_out_and_told(tmp_path: Path):
-    """The run goes on, the others hear everything and of the break, and the exit code is 3."""
+    """A reporter that raises an error is left out and reported; the exit code is 3."""
     broken, sound = Recorder(breaks_at=TestStarted), Recorder()
     outcome = run_suites(tmp_path, {"a": "<test>t.py</test><test>t.py</test>"}, broken, sound, t__py=test_file("pass"))
     assert outcome.exit_code == ExitCode.INTERNAL
@@ -623,7 +623,7 @@ def test_reporter_that_breaks_is_left_out_and_told(tmp_path: Path):
 
 
 def test_reporter_that_breaks_while_it_finishes(tmp_path: Path):
-    """The others finish, the first one hears of it, and the journal's last word is the exit code that is returned."""
+    """An error in a reporter's close is reported, others finish, and the journal ends with exit code 3."""
     sound, broken, last = Recorder(), Recorder(breaks_on_close=True), Recorder()
     outcome = run_suites(tmp_path, {"a": "<test>t.py</test>"}, sound, broken, last, t__py=test_file("pass"))
     assert outcome.exit_code == ExitCode.INTERNAL
@@ -635,7 +635,7 @@ def test_reporter_that_breaks_while_it_finishes(tmp_path: Path):
 
 
 def test_disk_that_is_full_ends_the_journal_and_not_the_run(tmp_path: Path):
-    """It is told, the tests go on, the exit code is 3, and what was written before is whole."""
+    """A full disk ends the journal with whole lines, the tests run, and the exit code is 3."""
     write_files(
         tmp_path,
         {
@@ -662,7 +662,7 @@ def test_disk_that_is_full_ends_the_journal_and_not_the_run(tmp_path: Path):
     "arguments", [["--junit", "/proc/none/x.xml"], ["-o", "/proc/none/x.txt"], ["--runs", "/proc/none"]]
 )
 def test_report_that_can_never_be_written_is_told_before_anything_runs(arguments: list[str], tmp_path: Path):
-    """Nothing moves for a result that would be lost."""
+    """A report that cannot be written is an error before the run."""
     write_files(tmp_path, {"t.py": test_file("note('ran')"), "s.xml": "<suite><test>t.py</test></suite>"})
     outcome = run_command(tmp_path, "--suite", "s.xml", *arguments)
     assert outcome.exit_code == ExitCode.USAGE
@@ -671,7 +671,7 @@ def test_report_that_can_never_be_written_is_told_before_anything_runs(arguments
 
 
 def test_grace_of_the_run_is_that_of_its_tests(tmp_path: Path):
-    """How long a test that is stopped may take to react is the run's to say."""
+    """The grace of the run applies to its tests."""
     seen: list[float] = []
 
     def interfere(run: Run) -> None:

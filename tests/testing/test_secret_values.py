@@ -1,4 +1,4 @@
-"""Secret values: in no journal, report or page, and given again when a run is resumed."""
+"""Secret values: absent from journal, reports and page, and required again to resume a run."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Seer(TestCase):
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A folder with a suite of a test that takes secrets."""
+    """A folder with a suite of a test with secret parameters."""
     (tmp_path / "login.py").write_text(LOGIN)
     (tmp_path / "s.xml").write_text('<suite name="s"><test>login.py</test><test name="b">login.py</test></suite>')
     return tmp_path
@@ -59,13 +59,13 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("name", ["password", "robot_passwd", "apiToken", "API_KEY", "key", "client-secret", "tokens"])
 def test_name_that_is_secret(name: str):
-    """By one of its words, however they are joined."""
+    """A name is secret by one of its words, however they are joined."""
     assert is_secret(name)
 
 
 @pytest.mark.parametrize("name", ["keyboard", "monkey", "speed", "passive", "part", "tokenizer"])
 def test_name_that_is_not_secret(name: str):
-    """Not by a part of a word."""
+    """A name is not secret by a part of a word."""
     assert not is_secret(name)
 
 
@@ -82,12 +82,12 @@ def test_name_that_is_not_secret(name: str):
     ],
 )
 def test_command_line_without_its_secrets(word: str, shown: str):
-    """In ``NAME=VALUE`` and in parameter strings; the rest is as it was."""
+    """Secrets in ``NAME=VALUE`` and parameter strings are masked, and nothing else."""
     assert masked_command([word], {"pin"}) == (shown,)
 
 
 def test_secrets_are_in_no_file_of_a_run(folder: Path):
-    """The test gets them; journal, reports, page and console do not."""
+    """The test gets the secrets; journal, reports, page and console do not have them."""
     command = ["-s", "s.xml", "--set", "password=hunter2", "--set", "code=4711", "--set", "keyboard=fr"]
     reports = ["--json", "r.json", "--junit", "j.xml", "--html", "r.html", "-vv"]
     done = run_command(folder, *command, *reports)
@@ -101,7 +101,7 @@ def test_secrets_are_in_no_file_of_a_run(folder: Path):
 
 
 def test_secrets_are_in_the_arguments_of_no_process_that_the_run_starts(folder: Path):
-    """What ``ps`` shows of a worker, and of every process between it and the runner, says nothing of its parameters."""
+    """No process between runner and worker has secrets in its arguments."""
     (folder / "seer.py").write_text(SEER)
     (folder / "s.xml").write_text('<suite name="s"><test param="--token t0psecret">seer.py</test></suite>')
     done = run_command(folder, "-s", "s.xml", "--set", "password=hunter2")
@@ -113,7 +113,7 @@ def test_secrets_are_in_the_arguments_of_no_process_that_the_run_starts(folder: 
 
 
 def test_value_that_is_wrong_is_not_shown(folder: Path):
-    """The message names the parameter and what it takes."""
+    """The error about an invalid secret does not show its value."""
     done = run_command(folder, "-s", "s.xml", "--set", "pin=471147", "-vv")
     assert b"471147" not in (done.folder / journal.FILE_NAME).read_bytes()
     assert "471147" not in done.stdout
@@ -121,14 +121,14 @@ def test_value_that_is_wrong_is_not_shown(folder: Path):
 
 
 class Open(TestCase):
-    """A test whose parameter only sounds secret."""
+    """A test with a parameter that only sounds secret."""
 
     key = Parameter(str, "key on the keyboard", default="a", secret=False)
     token = Parameter(int, "a number")
 
 
 def test_author_has_the_last_word():
-    """What is declared ``secret=False`` is shown, whatever its name."""
+    """A parameter with ``secret=False`` is shown, whatever its name."""
     rows = Open().resolve_parameters(param="--key q --token 12")
     assert {row["name"]: row["value"] for row in rows if row["source"] == "param"} == {"key": "q", "token": "***"}
     with pytest.raises(ParameterError) as caught:
@@ -137,7 +137,7 @@ def test_author_has_the_last_word():
 
 
 def test_resumed_run_needs_its_secrets_again(folder: Path):
-    """They were not written down: the error names them; with them it goes on."""
+    """A resumed run needs its secrets again; the error names them."""
     secrets = ["--set", "password=hunter2", "--set", "pin=4711"]
     run_command(folder, "-s", "s.xml", *secrets, "--set", "keyboard=de", "--maxfail", "1")
     refused = run_command(folder, "--resume", "rtf-runs/latest", "--set", "pin=4711")
@@ -152,14 +152,14 @@ def test_resumed_run_needs_its_secrets_again(folder: Path):
 
 
 def test_declarations_are_read_from_the_text(folder: Path):
-    """Name, key and aliases of what is declared secret, also by the class that a test derives from."""
+    """Secret parameters of a class and its bases are read from the text."""
     (folder / "again.py").write_text(f"{LOGIN}\nclass Again(Login):\n    pass\n")
     for name in ("login.py", "again.py"):
         assert spec_of(find("test", name, beside=folder)).secrets == ("code", "pin")
 
 
 def test_parameter_that_a_class_of_another_file_declares_is_secret(folder: Path):
-    """Such a test is loaded before its run, and the command line in the journal is masked."""
+    """A secret parameter that another file declares is masked, too."""
     (folder / "again.py").write_text("from login import Login\nclass Again(Login):\n    pass\n")
     done = run_command(folder, "again.py", "--set", "code=4711")
     assert done.exit_code == ExitCode.PASSED, done.stderr

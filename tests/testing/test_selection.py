@@ -1,4 +1,4 @@
-"""Choosing tests by name, tag and id, and shuffling them."""
+"""Selecting tests by name, tag and id, and shuffling them."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from rtf.testing.suite.model import SuiteError, TestEntry, TestSuite
 
 
 def suite(*names: str, suite_id: str = "s", **more: object) -> TestSuite:
-    """A suite whose tests have these names."""
+    """Return a suite whose tests have these names."""
     tests = (TestEntry(id=f"{suite_id}/{name.lower()}", name=name, plugin="P", **more) for name in names)
     return TestSuite(id=suite_id, name=suite_id, tests=tuple(tests))
 
 
 def names(suites: tuple[TestSuite, ...]) -> list[str]:
-    """The names of all tests, in order."""
+    """Return the names of all tests, in order."""
     return [test.name for suite in suites for test in suite.tests]
 
 
@@ -52,12 +52,12 @@ ARMS = suite("LeftArm", "LeftLeg", "RightArm", "RightLeg", "Head")
     ],
 )
 def test_names_are_chosen_by_an_expression(expression: str, expected: list[str]):
-    """Substrings of names and ids without regard to case; not binds tightest, or loosest."""
+    """Words match parts of names and ids in any case; ``not`` binds tightest, ``or`` loosest."""
     assert names(select([ARMS], [name_filter(expression)])) == expected
 
 
 def test_words_in_quotes_may_be_anything():
-    """Blanks, brackets, and the operators' names."""
+    """Quoted words may have blanks, brackets and operators."""
     odd = suite("a (b) c", "this and that", "don't")
     assert names(select([odd], [name_filter('"(b) c"')])) == ["a (b) c"]
     assert names(select([odd], [name_filter("'and'")])) == ["this and that"]
@@ -65,7 +65,7 @@ def test_words_in_quotes_may_be_anything():
 
 
 def test_tags_are_whole_words():
-    """A tag is matched entirely, without regard to case."""
+    """A tag is matched as a whole, in any case."""
     suites = [suite("a", tags=("slow", "arm")), suite("b", suite_id="t", tags=("Slowly",))]
     assert names(select(suites, [tag_filter("SLOW")])) == ["a"]
     assert names(select(suites, [tag_filter("slowly or arm")])) == ["a", "b"]
@@ -94,7 +94,7 @@ def test_tags_are_whole_words():
     ],
 )
 def test_an_expression_that_cannot_be_read_is_pointed_at(text: str, column: int, told: str):
-    """The error knows the column and draws it."""
+    """The error about an invalid expression marks the column."""
     with pytest.raises(ExpressionError, match=f"^column {column}: ") as caught:
         parse_expression(text)
     assert told in str(caught.value)
@@ -104,20 +104,20 @@ def test_an_expression_that_cannot_be_read_is_pointed_at(text: str, column: int,
 
 
 def test_all_filters_have_to_agree_and_empty_suites_go():
-    """What is left keeps its order and its suite."""
+    """A test must pass all filters; order stays, and empty suites are removed."""
     suites = [suite("a", "b", "c"), suite("d", suite_id="t")]
     chosen = select(suites, [name_filter("a or c or d"), id_filter({"s/c", "s/a", "s/b"})])
     assert [(part.id, names((part,))) for part in chosen] == [("s", ["a", "c"])]
 
 
 def test_without_filters_nothing_is_left_out():
-    """An empty suite stays, so that the run can complain about it."""
+    """Without filters also empty suites stay."""
     suites = (suite(), suite("a", suite_id="t"))
     assert select(suites, []) == suites
 
 
 def test_required_tests_come_along_when_asked_for():
-    """Also those that the required ones require; tests of other suites are not looked for."""
+    """On request required tests of the same suite are selected, too."""
     chain = TestSuite(
         id="s",
         name="S",
@@ -133,7 +133,7 @@ def test_required_tests_come_along_when_asked_for():
 
 
 def test_shuffling_keeps_the_place_of_linked_tests():
-    """What a test requires still stands before it."""
+    """Tests with requirements keep their places."""
     plain = [TestEntry(id=f"s/t{number}", name=f"t{number}", plugin="P") for number in range(20)]
     plain[12] = TestEntry(id="s/t12", name="t12", plugin="P", requires=("test:s/t3",))
     (shuffled,) = shuffle([TestSuite(id="s", name="S", tests=tuple(plain))], 1)
@@ -142,7 +142,7 @@ def test_shuffling_keeps_the_place_of_linked_tests():
 
 
 def test_the_order_of_a_seed_never_changes():
-    """Not with the version of Python either, because people quote seeds in reports."""
+    """The order of a seed is the same in every version."""
     assert names(shuffle([suite(*"abcdefgh")], 7)) == list("edhacfgb")
 
 
@@ -151,7 +151,7 @@ ids = st.lists(st.sampled_from("abcdefghijkl"), unique=True)
 
 @given(ids, st.integers())
 def test_shuffling_loses_nothing_and_repeats(letters: list[str], seed: int):
-    """The same tests, the same order for the same seed."""
+    """Shuffling keeps all tests, and gives the same order for the same seed."""
     suites = (suite(*letters), suite(*letters, suite_id="t"))
     shuffled = shuffle(suites, seed)
     assert [part.id for part in shuffled] == ["s", "t"]
@@ -161,7 +161,7 @@ def test_shuffling_loses_nothing_and_repeats(letters: list[str], seed: int):
 
 @given(ids, st.sets(st.sampled_from("abcdefghijkl")), st.integers())
 def test_shuffling_and_selecting_may_change_places(letters: list[str], kept: set[str], seed: int):
-    """A failed test found in a shuffled run is met in the same order when fewer tests run."""
+    """Selecting before or after shuffling gives the same order."""
     wanted = [id_filter({f"s/{letter}" for letter in kept})]
     suites = (suite(*letters),)
     assert select(shuffle(suites, seed), wanted) == shuffle(select(suites, wanted), seed)
@@ -181,7 +181,7 @@ expressions = st.recursive(
 
 
 def write(expression: str | tuple[Any, ...]) -> str:
-    """Write an expression with every bracket it could need."""
+    """Write an expression with all brackets."""
     match expression:
         case "not", operand:
             return f"not ({write(operand)})"
@@ -191,7 +191,7 @@ def write(expression: str | tuple[Any, ...]) -> str:
 
 
 def truth(expression: str | tuple[Any, ...], known: set[str]) -> bool:
-    """What an expression means, said in another way."""
+    """Evaluate an expression independently."""
     match expression:
         case "not", operand:
             return not truth(operand, known)
@@ -204,13 +204,13 @@ def truth(expression: str | tuple[Any, ...], known: set[str]) -> bool:
 
 @given(expressions, st.sets(st.text(max_size=2)))
 def test_an_expression_that_is_written_is_read_and_means_the_same(expression: str | tuple[Any, ...], known: set[str]):
-    """Through text and back."""
+    """A written expression is read with the same meaning."""
     assert parse_expression(write(expression)).holds(known.__contains__) == truth(expression, known)
 
 
 @given(st.text(alphabet="()\"' \tandortx", max_size=60) | st.text(max_size=60))
 def test_any_text_is_an_expression_or_an_error_of_ours(text: str):
-    """Nothing else is ever raised."""
+    """Any text is an expression, or raises ExpressionError."""
     column = 1
     try:
         parse_expression(text)

@@ -1,4 +1,4 @@
-"""A session: what events add up to, what parts and errors become, and when a stop takes effect."""
+"""The session of a test: verdicts of events, sub-results and errors, and the effect of a stop."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 @pytest.fixture
 def sent() -> list[Event]:
-    """What the session sends."""
+    """The events of the session."""
     return []
 
 
 @pytest.fixture
 def session(tmp_path: Path, sent: list[Event]) -> Session:
-    """A session of a test in its body."""
+    """The session of a test in its body."""
     made = Session("s/t", sent.append, folder=tmp_path, run_folder=tmp_path)
     made.phase = Phase.RUN
     return made
@@ -48,14 +48,14 @@ def session(tmp_path: Path, sent: list[Event]) -> Session:
     ],
 )
 def test_what_errors_add_up_to(session: Session, errors: list[Exception], verdict: Verdict):
-    """A failure outweighs an error, and both all else, in whatever order they come."""
+    """A failure outweighs an error, and both outweigh all else, in any order."""
     for error in errors:
         session.raised(error)
     assert session.tally.verdict() is verdict
 
 
 def test_error_that_cannot_be_written_is_still_told(session: Session, sent: list[Event]):
-    """An author's ``__str__`` may do anything."""
+    """An exception whose text raises an error is reported with its class."""
 
     class OddError(Exception):
         def __str__(self) -> str:
@@ -69,7 +69,7 @@ def test_error_that_cannot_be_written_is_still_told(session: Session, sent: list
 
 
 def test_part_has_a_verdict_of_its_own_and_ends_nothing(session: Session, sent: list[Event]):
-    """What is raised in a part ends the part; its failure is the test's, too."""
+    """An exception ends its sub-result only; its failure is one of the test."""
     with session.part("arm"):
         with session.part("joint 1"):
             raise TestFailure("x")
@@ -82,7 +82,7 @@ def test_part_has_a_verdict_of_its_own_and_ends_nothing(session: Session, sent: 
 
 
 def test_part_that_is_skipped_skips_the_part_only(session: Session, sent: list[Event]):
-    """One part that cannot be tested leaves the test's verdict to the others; one that says nothing makes it unsure."""
+    """A skipped sub-result does not skip the test; an inconclusive one makes it inconclusive."""
     with session.part("a"):
         raise SkipTest("x")
     assert session.tally.verdict() is Verdict.PASSED
@@ -92,7 +92,7 @@ def test_part_that_is_skipped_skips_the_part_only(session: Session, sent: list[E
 
 
 def test_what_a_test_came_to_names_the_part(session: Session):
-    """The part's own account does not repeat its name, and nor does a text that has it."""
+    """The detail of the test begins with the sub-result's name, that of the sub-result does not."""
     with session.part("l_elbow"):
         session.message(Severity.FAILURE, "measure", "12 deg", ("", 0))
         _, part = session._tallies
@@ -101,14 +101,14 @@ def test_what_a_test_came_to_names_the_part(session: Session):
 
 
 def test_part_is_not_named_twice(session: Session):
-    """A text that names it already is left as it is."""
+    """A text that begins with the sub-result's name is left unchanged."""
     with session.part("l_elbow"):
         session.message(Severity.FAILURE, "assert", "l_elbow does not move", ("", 0))
     assert session.tally.first == "l_elbow does not move"
 
 
 def test_stop_takes_effect_at_once_in_the_authors_code(session: Session):
-    """And nowhere else."""
+    """A stop raises TestStopped in the author's code only."""
     session.stop("x")  # outside: noted
     assert session.stopped == "x"
     called = []
@@ -120,7 +120,7 @@ def test_stop_takes_effect_at_once_in_the_authors_code(session: Session):
 
 
 def test_stop_before_teardown_does_not_keep_it_from_running(session: Session):
-    """A stop that came too late for the body has had its effect."""
+    """A stop before teardown or clean-up does not prevent them."""
     for phase in (Phase.TEARDOWN, Phase.CLEANUP):
         session.stop("x")
         session.phase = phase
@@ -130,7 +130,7 @@ def test_stop_before_teardown_does_not_keep_it_from_running(session: Session):
 
 
 def test_stop_while_an_event_is_sent_takes_effect_when_it_is_whole(tmp_path: Path):
-    """A line on the wire is never cut in two."""
+    """A stop while an event is sent takes effect after the event."""
     done: list[Event] = []
 
     def send(event: Event) -> None:
@@ -145,7 +145,7 @@ def test_stop_while_an_event_is_sent_takes_effect_when_it_is_whole(tmp_path: Pat
 
 
 def test_stop_is_for_the_main_thread_only(session: Session, sent: list[Event]):
-    """Another thread of the test that emits is never stopped in the main thread's place."""
+    """A stop does not interrupt another thread of the test."""
     errors: list[BaseException] = []
 
     def speak() -> None:
@@ -167,7 +167,7 @@ def test_stop_is_for_the_main_thread_only(session: Session, sent: list[Event]):
 
 
 def test_long_texts_are_cut_in_the_middle():
-    """An event stays something that a page can show; both ends and the number of what is missing stay."""
+    """A long text keeps both ends, and the number of omitted characters."""
     assert bounded("x" * TEXT_LIMIT) == "x" * TEXT_LIMIT
     text = bounded("a" * TEXT_LIMIT + "b" * TEXT_LIMIT)
     assert text.startswith("a" * 1000)
@@ -186,7 +186,7 @@ def test_long_texts_are_cut_in_the_middle():
 def test_question_and_answer(
     received: list[tuple[str, str, str] | None], answer: str, source: str, tmp_path: Path, sent: list[Event]
 ):
-    """Answers to other questions are passed over; without one in time the default counts, and the source says so."""
+    """Answers to other questions are ignored; without one in time the default counts, with its source."""
     waiting = [*received]
 
     def receive(seconds: float) -> tuple[str, str | None, str] | None:
@@ -200,6 +200,6 @@ def test_question_and_answer(
 
 
 def test_question_that_nobody_can_answer(session: Session, sent: list[Event]):
-    """Where there is no operator, the default is the answer at once."""
+    """Without an operator the default is the answer at once."""
     assert session.ask(Asked(test="s/t", question="q", text="?", timeout=3600, default="no")) == "no"
     assert sent[1].source == "automatic"

@@ -1,4 +1,4 @@
-"""Places in an author's files."""
+"""Places in an author's files, for calls and exceptions."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def fail(error):
 
 @pytest.fixture
 def modules(tmp_path: Path):
-    """A layer, and a module as a plug-in's file would be loaded that stands on it."""
+    """A library module, and a module loaded as a plug-in that uses it."""
 
     def load(name: str, text: str):
         path = tmp_path / f"{name.rpartition('.')[2]}.py"
@@ -43,7 +43,7 @@ def modules(tmp_path: Path):
 
 
 def test_a_call_through_a_layer_is_the_plugins(modules):
-    """The line of the plug-in, not of the layer."""
+    """The place of a call through a library is the plug-in's line."""
     layer_path, layer, plugin_path, plugin = modules
 
     def place():
@@ -54,7 +54,7 @@ def test_a_call_through_a_layer_is_the_plugins(modules):
 
 
 def test_an_error_of_a_layer_is_the_plugins(modules):
-    """Likewise; what is raised where no plug-in is has the innermost line."""
+    """The place of an error in a library is the plug-in's line; without a plug-in it is the innermost."""
     layer_path, layer, plugin_path, plugin = modules
     with pytest.raises(ValueError, match="no") as caught:
         plugin["fail"](ValueError("no"))
@@ -65,7 +65,7 @@ def test_an_error_of_a_layer_is_the_plugins(modules):
 
 
 def test_a_module_without_a_name_is_no_plugin():
-    """Text that is executed in names of its own."""
+    """Executed text without a module name is no plug-in."""
     names: dict[str, object] = {"__name__": None, "calling_place": calling_place}
     exec(compile("place = calling_place('nothing')", "text", "exec"), names)
     assert names["place"] == ("text", 1)
