@@ -1,4 +1,4 @@
-"""What a value is when it is asked for as something else."""
+"""Conversions of values: the result of asking any value for any type."""
 
 from __future__ import annotations
 
@@ -54,12 +54,12 @@ SET = Vocab("set")
     ],
 )
 def test_conversions(value: Value | None, answers: tuple[int, float, bool, str, Vocab]):
-    """Every value answers every question; what has no sensible answer gives nothing."""
+    """Every value converts to every type; without a sensible result it is the type's zero."""
     assert (as_int(value), as_float(value), as_bool(value), as_string(value), as_vocab(value)) == answers
 
 
 def test_narrow_integers_wrap_around():
-    """A number too large for the width asked for is cut as in C."""
+    """An integer that is too large for the width wraps around, as in C."""
     assert as_int(255, 8) == -1
     assert as_int(2**31, 32) == -(2**31)
     assert as_int(70000, 16) == 70000 - 65536
@@ -67,7 +67,7 @@ def test_narrow_integers_wrap_around():
 
 
 def test_floats_that_are_no_integers():
-    """Infinity is the largest number of its sign, and what is no number is 0."""
+    """As integer, infinity is the greatest number of its sign, and NaN is 0."""
     assert (as_int(math.nan), as_int(math.inf), as_int(-1e300)) == (0, 2**63 - 1, -(2**63))
 
 
@@ -84,7 +84,7 @@ def test_only_two_vocabs_are_booleans():
 
 
 def test_containers_and_blobs():
-    """Lists, properties and blobs are only themselves."""
+    """Lists, properties and blobs convert to their own type only."""
     bottle, properties = Bottle([1]), Property({"a": 1})
     assert as_list(bottle) is bottle
     assert as_list(properties) is None
@@ -96,7 +96,7 @@ def test_containers_and_blobs():
 
 @given(st.one_of(st.integers(-(2**63), 2**63 - 1), st.floats(), st.text("ab"), st.binary()))
 def test_conversions_never_raise(value: Value):
-    """Whatever the value, the integer fits into the width."""
+    """No conversion raises, and the integer fits into the width."""
     for bits in (8, 16, 32, 64):
         assert -(2 ** (bits - 1)) <= as_int(value, bits) < 2 ** (bits - 1)
     as_float32(value)

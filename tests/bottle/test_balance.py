@@ -1,4 +1,4 @@
-"""Whether text is complete."""
+"""The balance of quotes, lists and blobs in a text."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from rtf.bottle import Balance, is_complete
     ],
 )
 def test_completeness(text: str, complete: bool):
-    """Quotes, lists and blobs count; brackets and protected characters do not."""
+    """Quotes, lists and blobs are balanced; square brackets and escaped characters do not count."""
     assert is_complete(text) is complete
 
 
 def test_the_place_of_the_opening():
-    """The place is that of the outermost thing still open, over all pieces."""
+    """The place is that of the outermost open element, over all pieces."""
     balance = Balance()
     assert balance.feed("a (b) ")
     assert balance.since == -1
@@ -44,7 +44,7 @@ def test_the_place_of_the_opening():
 
 @given(st.lists(st.text('ab(){}"\n ')))
 def test_pieces_count_as_the_whole(pieces: list[str]):
-    """Feeding pieces is feeding their sum, as long as no backslash ends a piece."""
+    """Feeding pieces equals feeding their sum, unless a backslash ends a piece."""
     balance = Balance()
     for piece in pieces:
         balance.feed(piece)

@@ -1,4 +1,4 @@
-"""The binary form of bottles, to the byte, in both dialects."""
+"""The binary form of bottles, byte by byte, in both dialects."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ ENCODINGS = [(text, dialect, data) for text, data in SAME for dialect in Dialect
 
 @pytest.mark.parametrize(("text", "dialect", "data"), ENCODINGS)
 def test_encodings_of_real_programs(text: str, dialect: Dialect, data: str):
-    """What real programs send for a text is what we write, and it reads back as the text."""
+    """A text is encoded to the recorded bytes of YARP's programs, and decoded from them."""
     bottle = Bottle.parse(text, dialect=dialect)
     assert encode(bottle, dialect).hex() == data.replace(" ", "")
     assert decode(bytes.fromhex(data), dialect) == bottle
@@ -105,14 +105,14 @@ def test_encodings_of_real_programs(text: str, dialect: Dialect, data: str):
     ],
 )
 def test_every_scalar_has_its_code(value: object, three: str, four: str):
-    """Each type is written with the code and the bytes of its dialect, and alone it is a list of its type."""
+    """Each type has the code and bytes of its dialect, and alone it is a list of its type."""
     assert encode(Bottle([value])).hex() == three.replace(" ", "")
     assert encode(Bottle([value]), Dialect.YARP4).hex() == four.replace(" ", "")
     assert decode(bytes.fromhex(four), Dialect.YARP4) == Bottle([value])
 
 
 def test_a_property_inside_is_a_bottle_behind_the_code_of_a_dictionary():
-    """A property in a bottle has a code of its own, 768 or 512, and a whole bottle behind it."""
+    """A property in a bottle has the code 768 or 512, followed by a whole bottle."""
     bottle = Bottle([Property({"k": "v"}), 9])
     data = bytes.fromhex(
         "00010000 02000000 00030000 00010000 01000000 04010000 02000000 01000000 6b 01000000 76 01000000 09000000"
@@ -123,12 +123,12 @@ def test_a_property_inside_is_a_bottle_behind_the_code_of_a_dictionary():
 
 
 def test_a_property_alone_is_a_bottle_of_its_groups():
-    """A property that is sent alone cannot be told from a bottle of lists."""
+    """A property alone has the bytes of a bottle of lists."""
     assert encode(Property({"b": 1, "a": [1.0]})) == encode(Bottle.parse("(a (1.0)) (b 1)"))
 
 
 def test_a_number_too_large_for_a_type_does_not_change_the_others():
-    """Plain integers are a list of 32 bits or one of 64 if all need it, else each has its code."""
+    """Integers are a list of 32 or of 64 bits if all are, else each has its code."""
     assert encode(Bottle([1, INT32_MAX, INT32_MIN]))[:1] == b"\x01"
     assert encode(Bottle([2**31, -(2**31) - 1]))[:1] == b"\x11"
     mixed = Bottle([1, 2**31])
@@ -151,15 +151,15 @@ def test_a_number_too_large_for_a_type_does_not_change_the_others():
     ],
 )
 def test_unusual_forms_are_read(data: str, text: str):
-    """Lists that are less special than they could be, empty ones of any type, and both codes of dictionaries."""
+    """Unspecialised lists, empty lists of any type, and both codes of dictionaries are decoded."""
     assert decode(bytes.fromhex(data)).to_text() == text
 
 
 @pytest.mark.parametrize("entry", RECORDED, ids=lambda entry: f"{entry['dialect']} {entry['from']}")
 def test_recorded_messages_are_written_as_they_were_read(entry: dict[str, object]):
-    """What real programs sent reads, and writes back to the same bytes, unless a generated service wrote it.
+    """Recorded messages are decoded, and encoded to the same bytes, unless a generated service wrote them.
 
-    Those never specialise; then it is at least the same bottle.
+    Services never specialise lists; their messages give the same bottle.
     """
     data, dialect = bytes.fromhex(str(entry["hex"])), Dialect(entry["dialect"])
     bottle = decode(data, dialect)
@@ -171,7 +171,7 @@ def test_recorded_messages_are_written_as_they_were_read(entry: dict[str, object
 
 
 def plain(bottle: Bottle, dialect: Dialect) -> bytes:
-    """The bottle without any specialised list."""
+    """Encode a bottle without specialised lists."""
     parts = [struct.pack("<ii", 256, len(bottle))]
     parts += [
         plain(value, dialect) if isinstance(value, Bottle) else encode_element(value, dialect) for value in bottle
@@ -200,7 +200,7 @@ ALIKE = SCALARS.flatmap(
 
 
 def lists(scalars: st.SearchStrategy[object]) -> st.SearchStrategy[Bottle]:
-    """Bottles of anything, nested."""
+    """Generate nested bottles."""
     keys = st.text(st.characters(codec="utf-8"), min_size=1, max_size=3)
     return st.recursive(
         st.one_of(st.lists(scalars, max_size=5), ALIKE).map(Bottle),
@@ -219,7 +219,7 @@ BOTTLES4 = lists(st.one_of(SCALARS, st.integers(-(2**63), 2**63 - 1).map(Vocab64
 @settings(deadline=None)
 @given(BOTTLES)
 def test_what_is_written_reads_back_in_3(bottle: Bottle):
-    """Types and contents survive, to the last bit."""
+    """In YARP 3 a bottle is the same after encoding and decoding."""
     data = encode(bottle)
     assert decode(data) == bottle
     assert encode(decode(data)) == data
@@ -228,7 +228,7 @@ def test_what_is_written_reads_back_in_3(bottle: Bottle):
 @settings(deadline=None)
 @given(BOTTLES4)
 def test_what_is_written_reads_back_in_4(bottle: Bottle):
-    """The same in the other dialect, which has long vocabs, too."""
+    """In YARP 4 a bottle, also with long vocabs, is the same after encoding and decoding."""
     data = encode(bottle, Dialect.YARP4)
     assert decode(data, Dialect.YARP4) == bottle
     assert encode(decode(data, Dialect.YARP4), Dialect.YARP4) == data
@@ -237,7 +237,7 @@ def test_what_is_written_reads_back_in_4(bottle: Bottle):
 @settings(deadline=None)
 @given(BOTTLES, st.binary(max_size=20), st.binary(max_size=20))
 def test_a_bottle_is_found_among_other_bytes(bottle: Bottle, before: bytes, after: bytes):
-    """Reading begins where it is told to, ends with the bottle, and takes any kind of buffer."""
+    """Decoding starts at the given place, ends with the bottle, and takes any kind of buffer."""
     data = before + encode(bottle) + after
     for buffer in (data, bytearray(data), memoryview(data)):
         assert decode_from(buffer, len(before)) == (bottle, len(data) - len(after))
@@ -245,7 +245,7 @@ def test_a_bottle_is_found_among_other_bytes(bottle: Bottle, before: bytes, afte
 
 @given(st.binary(min_size=8, max_size=8))
 def test_every_double_keeps_its_bits(raw: bytes):
-    """Numbers that are none keep their bits, too."""
+    """A double keeps all its bits, those of NaN, too."""
     (value,) = struct.unpack("<d", raw)
     kept = decode(encode(Bottle([value])))[0]
     assert struct.pack("<d", kept) == struct.pack("<d", value)
@@ -253,7 +253,7 @@ def test_every_double_keeps_its_bits(raw: bytes):
 
 
 def test_large_blobs_are_not_copied():
-    """A large blob is a block of its own, the very object that is in the bottle; small ones are not."""
+    """A large blob is a block of its own, without a copy; small ones are joined."""
     large, small = bytes(LARGE_BLOB), bytes(LARGE_BLOB - 1)
     for bottle in (
         Bottle([large]),
@@ -272,7 +272,7 @@ def test_large_blobs_are_not_copied():
 
 @pytest.mark.parametrize("kind", [bytes, bytearray, memoryview])
 def test_a_blob_is_copied_once(kind: type):
-    """Reading a large blob takes its size of memory and no more, from any kind of buffer."""
+    """Decoding a large blob copies it once."""
     size = 8 << 20
     data = kind(encode(Bottle(["x", bytes(size)])))
     tracemalloc.start()
@@ -285,7 +285,7 @@ def test_a_blob_is_copied_once(kind: type):
 
 
 def test_a_blob_is_the_receivers_own():
-    """What was read does not change with the buffer that it was read from."""
+    """A decoded bottle does not change with its buffer."""
     data = bytearray(encode(Bottle([b"abc", 1, "text"])))
     bottle = decode(data)
     data[:] = bytes(len(data))
@@ -293,7 +293,7 @@ def test_a_blob_is_the_receivers_own():
 
 
 def test_a_bottle_that_cannot_be_written_says_why():
-    """A bottle inside itself, and one that is nested too deeply, raise our own error; so does what is no value."""
+    """A bottle inside itself or nested too deep, and a value of no type, raise BottleError."""
     circle = Bottle()
     circle.append(circle)
     with pytest.raises(BottleLimitError, match="inside itself"):

@@ -1,4 +1,4 @@
-"""Bytes that are no bottle, or not yet one: only our own errors, in bounded memory and time."""
+"""Bytes that are no bottle, or a part of one: they raise BottleError, in bounded memory and time."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ ENCODED = [(encode(bottle, dialect), dialect) for bottle in SAMPLES for dialect 
 
 @pytest.mark.parametrize(("data", "dialect"), ENCODED)
 def test_a_bottle_that_is_cut_off_says_what_it_needs(data: bytes, dialect: Dialect):
-    """Wherever it is cut off, more bytes are wanted than there are, and never more than there will be."""
+    """The error about a truncated bottle has the number of needed bytes, at most those of the bottle."""
     for size in range(len(data)):
         for read in (decode_from, extent):
             with pytest.raises(TruncatedBottleError) as caught:
@@ -52,7 +52,7 @@ def test_a_bottle_that_is_cut_off_says_what_it_needs(data: bytes, dialect: Diale
 
 @pytest.mark.parametrize(("data", "dialect"), ENCODED)
 def test_waiting_for_what_is_needed_comes_to_the_end(data: bytes, dialect: Dialect):
-    """A reader that waits for just as many bytes as are wanted gets the bottle; a scanner tells its end on the way."""
+    """Waiting for the needed bytes each time leads to the whole bottle."""
     scanner, size = Scanner(dialect), 0
     for _ in range(len(data) + 1):
         try:
@@ -66,7 +66,7 @@ def test_waiting_for_what_is_needed_comes_to_the_end(data: bytes, dialect: Diale
 
 @pytest.mark.parametrize(("data", "dialect"), ENCODED)
 def test_a_scanner_goes_on_where_it_stopped(data: bytes, dialect: Dialect):
-    """Byte by byte, in a buffer with other bytes in front and behind, the scanner finds the end that there is."""
+    """A scanner finds the end byte by byte, also among other bytes."""
     scanner = Scanner(dialect, 3)
     for size in range(3, 3 + len(data)):
         with pytest.raises(TruncatedBottleError):
@@ -76,9 +76,9 @@ def test_a_scanner_goes_on_where_it_stopped(data: bytes, dialect: Dialect):
 
 
 def test_a_scanner_refuses_what_the_reader_refuses():
-    """The two agree on every damaged bottle: where it ends, that it is cut off, or that it is none.
+    """Scanner and decoder agree on damaged bottles: their end, that they are truncated, or invalid.
 
-    Of one that is both the scanner may see first that it is cut off.
+    Of a bottle that is both, the scanner may find first that it is truncated.
     """
     chance = random.Random(7)
     for _ in range(4000):
@@ -93,7 +93,7 @@ def test_a_scanner_refuses_what_the_reader_refuses():
 
 
 def outcome(reader: Callable[..., int], data: bytes, dialect: Dialect) -> int | type:
-    """Where the bottle ends for a reader, what it wants, or its error; none but our own may come out."""
+    """Return the end of the bottle, the number of needed bytes, or the class of the BottleError."""
     try:
         return reader(data, 0, dialect)
     except TruncatedBottleError as error:
@@ -103,14 +103,14 @@ def outcome(reader: Callable[..., int], data: bytes, dialect: Dialect) -> int | 
 
 
 def end_read(data: bytes, start: int, dialect: Dialect) -> int:
-    """Where the bottle ends for the one who makes one of it."""
+    """Decode a bottle, and return its end."""
     return decode_from(data, start, dialect)[1]
 
 
 @settings(deadline=None)
 @given(st.binary(max_size=200), st.sampled_from(Dialect))
 def test_random_bytes_are_refused_or_read(data: bytes, dialect: Dialect):
-    """Nothing but our own errors comes of random bytes, also behind the head of a list."""
+    """Random bytes are decoded, or raise BottleError, also after the head of a list."""
     for start in (b"", b"\0\1\0\0\2\0\0\0"):
         outcome(end_read, start + data, dialect)
         outcome(extent, start + data, dialect)
@@ -118,7 +118,7 @@ def test_random_bytes_are_refused_or_read(data: bytes, dialect: Dialect):
 
 
 def head(code: int, count: int, rest: bytes = b"") -> bytes:
-    """The head of a list, and what comes behind it."""
+    """Return the head of a list, and these bytes after it."""
     return struct.pack("<ii", code, count) + rest
 
 
@@ -140,14 +140,14 @@ def head(code: int, count: int, rest: bytes = b"") -> bytes:
     ],
 )
 def test_broken_bottles_are_refused(data: bytes, error: type[BottleError], message: str):
-    """Each kind of damage has its error, which names what was there."""
+    """Each kind of damage has its error, with the wrong value."""
     with pytest.raises(error, match=message):
         decode(data)
     assert possible_dialects(data) == ()
 
 
 def test_codes_of_one_dialect_are_none_of_the_other():
-    """20 is a double in 4.0 only, 128 a float in 3 only."""
+    """Codes of one dialect are invalid in the other."""
     with pytest.raises(BottleSyntaxError, match="20 is not"):
         decode(encode(Bottle([1.5]), Dialect.YARP4))
     with pytest.raises(BottleSyntaxError, match="384 is not"):
@@ -157,7 +157,7 @@ def test_codes_of_one_dialect_are_none_of_the_other():
 
 
 def test_a_peer_is_known_by_its_floats():
-    """A bottle with a double is one in its own dialect only; without floats nothing can be told."""
+    """The dialect of a bottle can be told by its doubles only."""
     for text in ("1.5", "[is] 2 1.5", "(1.0 2.0) x", "3.25 (0.0) [ok]"):
         for dialect in Dialect:
             assert possible_dialects(encode(Bottle.parse(text), dialect)) == (dialect,)
@@ -166,7 +166,7 @@ def test_a_peer_is_known_by_its_floats():
 
 
 def test_lists_may_be_nested_just_so_deep():
-    """One level more than may be is refused by reader and scanner alike, and is no recursion without end."""
+    """Decoder and scanner refuse lists nested deeper than MAX_DEPTH."""
     level = struct.pack("<ii", 256, 1)
     data = level * MAX_DEPTH + head(256, 0)
     assert extent(data) == len(data)
@@ -179,7 +179,7 @@ def test_lists_may_be_nested_just_so_deep():
 
 
 def test_a_count_is_not_believed_before_its_bytes_are_there():
-    """A few bytes that promise very many elements cost nothing."""
+    """Announced elements are not allocated before their bytes arrive."""
     tracemalloc.start()
     try:
         for code in (256, 256 | 1, 256 | 4, 256 | 10, 256 | 12, 256 | 32):
@@ -194,7 +194,7 @@ def test_a_count_is_not_believed_before_its_bytes_are_there():
 
 
 def test_all_lists_together_hold_no_more_than_one_may():
-    """Many lists inside each other or side by side do not get around the bound; a scanner minds those it must walk."""
+    """The limit of elements applies to all lists of a bottle together."""
     quarter = MAX_ELEMENTS // 4
     many = head(256, 5, head(256 | 32, quarter, bytes(quarter)) * 5)
     with pytest.raises(BottleLimitError, match="too long"):
@@ -205,7 +205,7 @@ def test_all_lists_together_hold_no_more_than_one_may():
 
 
 def test_dripping_bytes_cost_no_more_than_a_flood():
-    """A large bottle that arrives byte by byte is looked at once: the work grows with its size, not with its square."""
+    """The work for a bottle that arrives byte by byte grows linearly with its size."""
 
     def drip(count: int) -> int:
         data = memoryview(encode(Bottle([["a", index] for index in range(count)])))

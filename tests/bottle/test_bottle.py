@@ -1,4 +1,4 @@
-"""The list of values, and looking things up in it."""
+"""The bottle: a list of values, and looking up keys in it."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Color(enum.IntEnum):
     ],
 )
 def test_every_value_has_a_type(value: Value, kind: Kind):
-    """The type on the wire follows from the class, and for plain integers from the magnitude."""
+    """The type on the wire follows from the class, and for plain integers from their size."""
     assert kind_of(value) is kind
 
 
@@ -76,12 +76,12 @@ def test_every_value_has_a_type(value: Value, kind: Kind):
     ],
 )
 def test_python_objects_become_values(given: object, held: Value):
-    """What is put in becomes a value at once, of the plain type."""
+    """Python objects become plain values when they are put in."""
     assert same(Bottle([given])[0], held)
 
 
 def test_what_is_no_value_is_refused_where_it_is_put_in():
-    """The error comes with the mistake, not with the sending."""
+    """An object of another type is refused when it is put in."""
     bottle = Bottle()
     for wrong in (None, 1j, object(), {"a": 1}):
         with pytest.raises(BottleTypeError):
@@ -94,7 +94,7 @@ def test_what_is_no_value_is_refused_where_it_is_put_in():
 
 
 def test_a_bottle_is_a_list():
-    """Everything that a list can do, a bottle can."""
+    """A bottle has all operations of a list."""
     bottle = Bottle([1, 2, 3])
     bottle.append(4)
     bottle.insert(0, "zero")
@@ -112,7 +112,7 @@ def test_a_bottle_is_a_list():
 
 
 def test_equality_compares_types():
-    """Numbers of different types are different values in a bottle, as on the wire."""
+    """Numbers of different types are different."""
     assert Bottle([1]) != Bottle([1.0])
     assert Bottle([Int8(1)]) != Bottle([1])
     assert Bottle([Float32(0.5)]) != Bottle([0.5])
@@ -124,20 +124,20 @@ def test_equality_compares_types():
 
 
 def test_a_bottle_is_not_hashable():
-    """What can change is no key."""
+    """A bottle cannot be hashed, because it can change."""
     with pytest.raises(TypeError):
         hash(Bottle())
 
 
 def test_the_representation_makes_it_again():
-    """The representation is the text form, so it can be read and pasted."""
+    """The representation is an expression with the text form."""
     bottle = Bottle([1, "a b", [Vocab("set")]])
     assert repr(bottle) == "Bottle.parse('1 \"a b\" ([set])')"
     assert eval(repr(bottle)) == bottle
 
 
 def test_bottles_too_deep_to_compare_raise_our_error():
-    """Two circles raise our own error, not a RecursionError."""
+    """Comparing bottles that contain themselves raises BottleLimitError."""
     one, other = Bottle(), Bottle()
     one.append(one)
     other.append(other)
@@ -146,7 +146,7 @@ def test_bottles_too_deep_to_compare_raise_our_error():
 
 
 def test_missing_elements_are_none():
-    """There is nothing beyond the end, nor before the beginning."""
+    """``get`` returns None, or a default, for an index that does not exist."""
     bottle = Bottle([1])
     assert (bottle.get(0), bottle.get(1), bottle.get(-1), bottle.get(5, 7)) == (1, None, None, 7)
 
@@ -168,14 +168,14 @@ CONFIGURATION = Bottle.parse('robot icub (joints 0 1 2) (name "Motor Test") (5 f
     ],
 )
 def test_lookup(key: str, value: Value | None, group: str):
-    """Lists are found by their first element, flat keys by themselves; the value is what follows."""
+    """A list is found by its first element, a flat key by itself; the value follows the key."""
     assert CONFIGURATION.check(key)
     assert CONFIGURATION.find(key) == value
     assert str(CONFIGURATION.find_group(key)) == group
 
 
 def test_lookup_of_what_is_not_there():
-    """A key that is nowhere gives nothing."""
+    """A missing key gives None."""
     assert not CONFIGURATION.check("none")
     assert CONFIGURATION.find("none") is None
     assert CONFIGURATION.find_group("none") is None
@@ -183,7 +183,7 @@ def test_lookup_of_what_is_not_there():
 
 
 def test_the_first_match_wins():
-    """Elements are scanned in order, even past a value that happens to look like the key."""
+    """Elements are searched in order, and a value equal to the key counts as a match."""
     assert Bottle.parse("(a 1) (a 2)").find("a") == 1
     assert Bottle.parse("x a 5 (a 2)").find("a") == 5
     assert Bottle.parse("(a) (a 2)").find("a") is None
@@ -199,7 +199,7 @@ def test_a_found_group_is_the_list_itself():
 
 
 def test_importing_values_is_light():
-    """Values drag in no heavy library."""
+    """Importing values loads no heavy module."""
     heavy = ("lxml", "numpy", "asyncio", "inspect", "rich", "time")
     code = (
         f"import sys; before = set(sys.modules); import rtf.bottle; print(set({heavy}) & (set(sys.modules) - before))"

@@ -1,4 +1,4 @@
-"""Which words are numbers, and what they are worth."""
+"""Words as numbers: which are numbers, and their values."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_strings(word: str):
 
 
 def test_words_are_read_as_by_yarp():
-    """What ``yarp read`` of 3.12.3 printed for words of digits, signs, points, ``e`` and ``x``."""
+    """Words of digits, signs, points, ``e`` and ``x`` are read as ``yarp read`` of 3.12.3 printed them."""
     lines = (DATA / "numbers_of_yarp_3.12.3.tsv").read_text("utf-8").splitlines()
     differing = [line for line in lines if Bottle.parse(line.partition("\t")[0]).to_text() != line.partition("\t")[2]]
     assert len(lines) > 500
@@ -74,14 +74,14 @@ def test_every_integer_reads_back(number: int):
 
 @given(st.text("0123456789+-.eExXabcdefinf", max_size=30))
 def test_any_word_has_an_answer(word: str):
-    """No word raises; integers stay within 64 bits."""
+    """No word raises an error, and integers fit into 64 bits."""
     value = read_number(word)
     if isinstance(value, int):
         assert -(2**63) <= value < 2**63
 
 
 def test_endless_digits_are_read_at_once():
-    """A number of a million digits takes no time, whatever Python's own limit on digits is."""
+    """A number of a million digits is read quickly, beyond Python's limit of digits."""
     assert read_number("9" * 1_000_000) == 2**63 - 1
     assert read_number("0" * 1_000_000) == 0
     assert read_number("9" * 1_000_000 + ".5") == math.inf

@@ -1,4 +1,4 @@
-"""Groups by key."""
+"""Properties: groups of values by key."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_the_last_of_two_equal_keys_wins():
 
 
 def test_what_stands_outside_lists_is_ignored():
-    """Only lists are groups."""
+    """Elements outside of lists are ignored."""
     assert Property.parse("a 1 (b 2) c") == Property({"b": 2})
 
 
@@ -57,7 +57,7 @@ def test_equality_ignores_order_and_places():
 
 
 def test_places_stand_beside_the_keys():
-    """A key remembers where it was read; setting it anew forgets that."""
+    """A key keeps the place where it was read, until it is set anew."""
     properties = Property()
     properties.put("a", 1, location=Location("x.ini", 3))
     properties.locate(Location("x.ini", 5), "section", "b")
@@ -68,7 +68,7 @@ def test_places_stand_beside_the_keys():
 
 
 def test_update_and_remove():
-    """Another property's groups and places replace ours; removing takes both away."""
+    """Groups and places of another property replace existing ones; removing a key removes both."""
     properties, other = Property({"a": 1, "b": 2}), Property()
     other.put("a", 5, location=Location("y.ini", 1))
     properties.update(other)
@@ -97,6 +97,6 @@ KEYS = st.text("abcxyz_.-/:", min_size=1).filter(lambda key: not key.startswith(
 @settings(deadline=None)
 @given(st.dictionaries(KEYS, st.one_of(st.integers(-5, 5), st.text("ab "), st.lists(st.integers(0, 3)))))
 def test_text_reads_back(values: dict[str, object]):
-    """A property survives text."""
+    """A property is the same after it is written as text and read again."""
     properties = Property(values)
     assert Property.parse(properties.to_text()) == properties

@@ -1,4 +1,4 @@
-"""Reading text, with every oddity of YARP's reader."""
+"""Reading text as YARP's reader does, with its oddities."""
 
 from __future__ import annotations
 
@@ -81,13 +81,13 @@ ODDITIES: dict[str, list[object]] = {
 
 @pytest.mark.parametrize(("text", "values"), [*SAMPLES.items(), *ODDITIES.items()])
 def test_text_is_read_as_yarp_reads_it(text: str, values: list[object]):
-    """Types and contents are those that YARP makes of the text."""
+    """Types and values of a text are those of YARP."""
     assert Bottle.parse(text) == Bottle(values)
 
 
 @pytest.mark.parametrize("text", [*SAMPLES, *ODDITIES])
 def test_the_exact_reader_agrees(text: str):
-    """The exact reader reads every sample as the quick one does, or as it would have to."""
+    """The exact reader gives the result of the quick one for every sample."""
     assert Bottle.adopt(read_exactly(text, Dialect.YARP3)) == Bottle.parse(text)
 
 
@@ -105,20 +105,20 @@ def test_long_vocabs_belong_to_the_later_dialect():
 
 @pytest.mark.parametrize(("text", "column"), [('a "b', 3), ("(a (b)", 1), ("a) b", 2), ("{1", 1)])
 def test_strict_reading_names_the_place(text: str, column: int):
-    """A strict reader raises for what is not closed, and says where it was opened."""
+    """In strict mode an unclosed element is an error with the place of its opening."""
     with pytest.raises(BottleSyntaxError, match=rf"column {column}\)") as caught:
         Bottle.parse(text, strict=True)
     assert caught.value.offset == column - 1
 
 
 def test_strict_reading_accepts_the_oddities():
-    """Strictness is about balance only."""
+    """Strict mode concerns the balance only."""
     assert Bottle.parse("(1 2)x f(1)", strict=True) == Bottle([[1], "f(1)"])
 
 
 @pytest.mark.parametrize("tail", ["", ")", " x)(y"])
 def test_depth_is_bounded(tail: str):
-    """As many levels as allowed are read; one more raises our own error, never a RecursionError."""
+    """Text nested deeper than MAX_DEPTH raises BottleLimitError."""
     depth = MAX_DEPTH
     assert Bottle.parse("(" * depth + ")" * depth)
     with pytest.raises(BottleLimitError):
@@ -128,13 +128,13 @@ def test_depth_is_bounded(tail: str):
 
 
 def test_size_is_bounded():
-    """Text beyond the greatest length is refused before it is looked at."""
+    """Text longer than MAX_TEXT is refused."""
     with pytest.raises(BottleLimitError, match="characters"):
         Bottle.parse(" " * (MAX_TEXT + 1))
 
 
 def test_work_is_bounded(monkeypatch: pytest.MonkeyPatch):
-    """Long text that is deeply nested and malformed is refused instead of being read level by level."""
+    """Long, malformed text that is deeply nested is refused."""
     monkeypatch.setattr(reading, "MAX_WORK", reading.MAX_WORK // 16)  # the test itself is work, too
     with pytest.raises(BottleLimitError):
         Bottle.parse("(" * 90 + "(a)b " * (MAX_TEXT // 8 // 16) + ")" * 90)
@@ -142,13 +142,13 @@ def test_work_is_bounded(monkeypatch: pytest.MonkeyPatch):
 
 @pytest.mark.parametrize("pattern", ['"', "\\", "[", "0", "0x", " ,", "(a)b", '"\\a', "1.", "{ ", "a\\"])
 def test_repetition_takes_no_time(pattern: str):
-    """A text of one pattern over and over is read in time that grows with its length."""
+    """A text of one repeated pattern is read in linear time."""
     Bottle.parse(pattern * (200_000 // len(pattern)))
     Bottle.parse(pattern * (200_000 // len(pattern)) + '"')
 
 
 def test_surrogates_that_are_no_bytes_raise_our_error():
-    """A vocab has to be bytes; a lone surrogate that stands for none is refused."""
+    """A vocab with a lone surrogate raises BottleError."""
     with pytest.raises(BottleError, match="UTF-8"):
         Bottle.parse("[\ud800]")
 
@@ -159,7 +159,7 @@ ODD_TEXT = st.text(st.one_of(st.sampled_from('()[]{}" \t\n\r,\\.-+0x19eabtruefal
 @settings(deadline=None)
 @given(ODD_TEXT)
 def test_any_text_reads_or_raises_our_error(text: str):
-    """No text raises anything but our own error, and the quick reader never disagrees with the exact one."""
+    """Any text is read, or raises BottleError, and both readers agree."""
     for dialect in Dialect:
         try:
             quick = read_quickly(text, dialect)
@@ -172,7 +172,7 @@ def test_any_text_reads_or_raises_our_error(text: str):
 
 @pytest.mark.fuzz
 def test_mutated_text_reads_or_raises_our_error(mutations: Callable[..., Iterator[str]]):
-    """Twenty thousand damaged texts are read, and no error but ours comes out."""
+    """Twenty thousand damaged texts are read, or raise BottleError."""
     seeds = [
         '1 2.5 "hi there" [vo] (1 2 3) true {1 2 255}',
         '--joints (0 1 2) --home (0.0 -10.5 1e-3) --name "a b" --on true',
@@ -188,7 +188,7 @@ def test_mutated_text_reads_or_raises_our_error(mutations: Callable[..., Iterato
 
 @pytest.mark.fuzz
 def test_mutated_text_is_read_alike_by_both_readers(mutations: Callable[..., Iterator[str]]):
-    """Whenever the quick reader accepts a damaged text, the exact one agrees with it."""
+    """When the quick reader accepts a damaged text, the exact one agrees."""
     seeds = ['1 2.5 "hi \\" there" [vo] (1 (2 3)) true {1 2 255} 0x1f -inf']
     agreed = 0
     for text in mutations(seeds, 5_000, '()[]{}" \t\n,\\.-+0x9eabn', seed=2):

@@ -1,4 +1,4 @@
-"""The scalar types that Python does not have."""
+"""Scalar types that Python does not have."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def test_sized_integers_hold_their_range(kind: type[Int8], bits: int):
 
 
 def test_sized_integers_name_their_type():
-    """The representation tells the width, which the number alone does not."""
+    """The representation of a sized integer has its width."""
     assert repr([Int8(5), Int16(-5), Int64(5)]) == "[Int8(5), Int16(-5), Int64(5)]"
     assert f"{Int8(5)} {Int64(-5)!s} {Float32(0.5)!s}" == "5 -5 0.5"
 
@@ -56,7 +56,7 @@ def test_vocabs_pack_the_first_character_lowest(word: str, number: int):
 
 @given(st.integers(-(2**31), 2**32 - 1))
 def test_vocabs_take_signed_and_unsigned_numbers(number: int):
-    """A number and its unsigned twin are the same vocab, and the representation makes it again."""
+    """A number and its unsigned equivalent are the same vocab; the representation makes it again."""
     vocab = Vocab(number)
     assert vocab.value == struct.unpack("<i", struct.pack("<I", number % 2**32))[0]
     assert eval(repr(vocab)) == vocab
@@ -66,20 +66,20 @@ def test_vocabs_take_signed_and_unsigned_numbers(number: int):
 
 @pytest.mark.parametrize("value", [2**32, -(2**31) - 1, "fives"])
 def test_vocabs_refuse_what_does_not_fit(value: int | str):
-    """Nothing is cut off silently when a program makes a vocab."""
+    """A vocab refuses a value that does not fit."""
     with pytest.raises(BottleError):
         Vocab(value)
 
 
 def test_reading_cuts_vocabs():
-    """Text that is read is cut to the width, in bytes."""
+    """Vocabs that are read from text are cut to the width, in bytes."""
     assert Vocab.truncated("abcdef") == Vocab("abcd")
     assert Vocab.truncated("\u00e9\u00e9\u00e9") == Vocab("\u00e9\u00e9")
     assert Vocab64.truncated("abcdefghij") == Vocab64("abcdefgh")
 
 
 def test_vocabs_equal_only_vocabs():
-    """A vocab is neither its string nor its number, and widths are types."""
+    """A vocab equals neither its string nor its number, nor one of another width."""
     assert Vocab("set") != "set"
     assert Vocab("set") != 7628147
     assert Vocab("set") != Vocab64("set")
@@ -96,7 +96,7 @@ def test_the_two_truths():
 
 
 def test_errors_are_ours_and_built_in():
-    """Anyone who catches ValueError or RtfError catches the errors of values; the column is part of the message."""
+    """BottleError is an RtfError and a ValueError; its message has the column."""
     error = BottleError("odd", 4)
     assert isinstance(error, RtfError)
     assert isinstance(error, ValueError)

@@ -1,4 +1,4 @@
-"""Writing text, digit for digit as YARP does."""
+"""Writing text exactly as YARP does."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ TEXTS: list[tuple[Value, str]] = [
 
 @pytest.mark.parametrize(("value", "text"), TEXTS)
 def test_text_is_written_as_yarp_writes_it(value: Value, text: str):
-    """Every value has the text that YARP gives it inside a bottle."""
+    """Every value in a bottle has YARP's text."""
     assert to_text(value) == text
 
 
@@ -65,25 +65,25 @@ def test_text_is_written_as_yarp_writes_it(value: Value, text: str):
     ],
 )
 def test_a_value_alone_is_written_bare(value: Value | None, text: str):
-    """Alone, a string has no quotes, and nothing has brackets around it."""
+    """Alone, a string has no quotes, and a list no brackets."""
     assert to_string(value) == text
 
 
 def test_elements_are_separated_by_one_blank():
-    """A bottle is its elements with one blank between them, and without parentheses around it."""
+    """Elements are separated by one blank, without brackets around the bottle."""
     assert Bottle([1, "a", [2.0]]).to_text() == "1 a (2.0)"
     assert Bottle().to_text() == ""
     assert str(Bottle([1, 2])) == "1 2"
 
 
 def test_what_is_no_value_is_refused():
-    """Only values can be written."""
+    """An object that is no value cannot be written."""
     with pytest.raises(BottleTypeError, match="complex"):
         to_text(1j)  # type: ignore[arg-type]
 
 
 def test_a_bottle_inside_itself_is_refused():
-    """A circle raises our own error, not a RecursionError."""
+    """A bottle inside itself raises BottleLimitError."""
     bottle = Bottle([1])
     bottle.append(bottle)
     with pytest.raises(BottleLimitError, match=str(MAX_DEPTH)):
@@ -107,7 +107,7 @@ BOTTLES = st.recursive(st.lists(SCALARS), lambda inner: st.lists(st.one_of(SCALA
 @settings(deadline=None)
 @given(BOTTLES)
 def test_what_is_written_reads_back(bottle: Bottle):
-    """Types and contents survive text, for all but the documented exceptions."""
+    """A bottle is the same after it is written as text and read again, but for the documented exceptions."""
     assert Bottle.parse(bottle.to_text()) == bottle
 
 
@@ -124,11 +124,11 @@ def test_what_is_written_reads_back(bottle: Bottle):
     ],
 )
 def test_the_exceptions_read_back_as_documented(value: Value, read: Value):
-    """Text cannot tell these apart from what they become."""
+    """Values that text cannot distinguish read back as documented."""
     assert Bottle.parse(to_text(value))[0] == read
 
 
 @given(st.floats(allow_nan=False))
 def test_every_float_reads_back_exactly(number: float):
-    """Twenty-one digits are enough for every double."""
+    """Every double reads back exactly."""
     assert Bottle.parse(to_text(number)) == Bottle([number])

@@ -1,4 +1,4 @@
-"""A real browser before real runs: what it complains of fails the test, whatever else the test looks at."""
+"""A real browser with real runs: an error that the browser reports fails the test."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ expect.set_options(timeout=PATIENCE)
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
-    """One browser for all tests of a process; each test gets profiles of its own in it."""
+    """One browser for all tests of a process, with new profiles for each test."""
     path = os.environ.get("RTF_CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
     if path is None:
         pytest.fail(
@@ -58,7 +58,7 @@ def browser() -> Iterator[Browser]:
 
 @dataclass
 class Visit:
-    """A page somebody looks at, and all that the browser complained of meanwhile."""
+    """An open page, and the errors that the browser has reported."""
 
     page: Page
     context: BrowserContext
@@ -67,12 +67,12 @@ class Visit:
     expected: re.Pattern[str] | None = None
 
     def unexpected(self) -> list[str]:
-        """The complaints that nobody asked for."""
+        """Return the reported errors that are not expected."""
         return [text for text in self.complaints if self.expected is None or not self.expected.search(text)]
 
 
 class Visitor:
-    """Opens pages, each in a profile of its own unless it is another tab of one."""
+    """Opens pages, each in a new profile unless it is another tab."""
 
     def __init__(self, browser: Browser) -> None:
         self._browser = browser
@@ -89,7 +89,7 @@ class Visitor:
         expected: re.Pattern[str] | None = None,
         **more: Any,
     ) -> Page:
-        """Open an address in a new profile. ``offline`` takes the network away, and a request for it is a complaint."""
+        """Open an address in a new profile. With ``offline`` there is no network, and a request is an error."""
         context = self._browser.new_context(
             viewport=viewport or DESKTOP,  # type: ignore[arg-type]
             color_scheme="dark" if dark else "light",
@@ -114,7 +114,7 @@ class Visitor:
         return page
 
     def close(self) -> list[str]:
-        """Close everything; returns the complaints that nobody asked for."""
+        """Close all pages, and return the unexpected errors."""
         for context in {id(visit.context): visit.context for visit in self.visits}.values():
             context.close()
         return [text for visit in self.visits for text in visit.unexpected()]
@@ -143,14 +143,14 @@ def _listen(page: Page, complaints: list[str], *, offline: bool) -> None:
 
 @pytest.fixture
 def visit(browser: Browser, live_run: object, served: object, wire: object) -> Iterator[Visitor]:
-    """Opens pages; fails the test when a browser complained. The pages are closed before what serves them ends."""
+    """Opens pages; fails the test if a browser reported an error. Pages are closed before their servers."""
     visitor = Visitor(browser)
     yield visitor
     assert visitor.close() == []
 
 
 class LivePage(Command):
-    """A process that serves a page and says where."""
+    """A process that serves a page, and its address."""
 
     def __init__(self, folder: Path, *arguments: str, **environment: str) -> None:
         super().__init__(folder, *arguments, "--web-port", "0", **environment)
@@ -159,12 +159,12 @@ class LivePage(Command):
 
     @property
     def origin(self) -> str:
-        """The address without the token: what somebody has who may only look."""
+        """The address without the token, which allows to look only."""
         return self.address.partition("#")[0]
 
     @property
     def run_folder(self) -> Path:
-        """Where the run is written."""
+        """The folder of the run."""
         return self.folder / "rtf-runs" / "latest"
 
     def _printed_address(self) -> str:
@@ -177,7 +177,7 @@ class LivePage(Command):
         raise AssertionError(f"no address was printed: {self.printed} {self.process.communicate()}")
 
     def end(self) -> None:
-        """End it, whatever it does, and make sure that nothing of it is left."""
+        """Kill the process, and check that none of its processes is left."""
         if self.process.poll() is None:
             self.process.kill()
         self.process.communicate()
@@ -186,7 +186,7 @@ class LivePage(Command):
 
 @pytest.fixture
 def live_run(tmp_path: Path) -> Iterator[Callable[..., LivePage]]:
-    """Starts runs with the live page, of a suite of the bench; none of them outlives the test."""
+    """Starts runs of a bench's suite with the live page; they end with the test."""
     runs: list[LivePage] = []
 
     def start(suite: str, *arguments: str) -> LivePage:
@@ -202,7 +202,7 @@ def live_run(tmp_path: Path) -> Iterator[Callable[..., LivePage]]:
 
 @pytest.fixture
 def served(tmp_path: Path) -> Iterator[Callable[..., LivePage]]:
-    """Serves the folders of runs that are over."""
+    """Serves the pages of finished runs."""
     pages: list[LivePage] = []
 
     def start(folder: Path, *arguments: str) -> LivePage:
@@ -216,7 +216,7 @@ def served(tmp_path: Path) -> Iterator[Callable[..., LivePage]]:
 
 @pytest.fixture
 def wire() -> Iterator[Callable[[str], tuple[Wire, str]]]:
-    """Puts a wire that can be cut before a page; gives it and the address at its near end."""
+    """Lays a connection that can be cut before a page; returns it, and the address at its near end."""
     wires: list[Wire] = []
 
     def lay(address: str) -> tuple[Wire, str]:
@@ -235,7 +235,7 @@ def wire() -> Iterator[Callable[[str], tuple[Wire, str]]]:
 
 @dataclass(frozen=True)
 class Bench:
-    """Two runs of the bench, the second compared with the first and both in a history, and its archived page."""
+    """Two runs of the bench, the second compared with the first, both in a history, and its archived page."""
 
     folder: Path
     earlier: Path
@@ -249,7 +249,7 @@ class Bench:
 
 @pytest.fixture(scope="session")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Bench:
-    """The bench, run twice to its end; in the second run joint 3 is even worse."""
+    """The bench, run twice to its end; in the second run joint 3 is worse."""
     folder = tmp_path_factory.mktemp("finished")
     bench.write(folder)
     words = "--suite suite.xml --answer default --grace 0.3 --robot icubSim --station bench --history history.sqlite"
@@ -268,7 +268,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Bench:
 
 @pytest.fixture(scope="session")
 def unreachable() -> re.Pattern[str]:
-    """What a browser complains of while there is no network."""
+    """The errors that a browser reports without a network."""
     return UNREACHABLE
 
 
@@ -277,7 +277,7 @@ def unreachable() -> re.Pattern[str]:
 
 @pytest.fixture
 def shoot() -> Callable[[Page, str], None]:
-    """Keeps a picture of a page, for people to look at."""
+    """Keeps a screenshot of a page."""
     folder = Path(os.environ.get("RTF_SCREENSHOTS", ROOT / "build" / "screenshots"))
     folder.mkdir(parents=True, exist_ok=True)
 
@@ -289,7 +289,7 @@ def shoot() -> Callable[[Page, str], None]:
 
 @pytest.fixture(scope="session")
 def axe_source() -> str:
-    """The text of axe-core, which finds what keeps people from using a page."""
+    """The text of axe-core, which finds barriers in a page."""
     path = Path(os.environ.get("RTF_AXE", ROOT / ".venv/npm/node_modules/axe-core/axe.min.js"))
     if not path.is_file():
         pytest.fail(f"{path} is missing: npm install --prefix .venv/npm axe-core, or make test, which does it")
@@ -298,7 +298,7 @@ def axe_source() -> str:
 
 @pytest.fixture
 def barriers(axe_source: str) -> Callable[[Page], list[str]]:
-    """Says what on a page keeps somebody from using it: a line for each rule and element."""
+    """Returns the accessibility violations of a page, a line for each rule and element."""
 
     def find(page: Page) -> list[str]:
         if not page.evaluate("() => typeof axe === 'object'"):

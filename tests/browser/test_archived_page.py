@@ -1,4 +1,4 @@
-"""The archived page: one file, opened without a network, with everything in it."""
+"""The archived page: one file with everything in it, opened without a network."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ VERDICTS = {"crash": "error", "hang": "error", "measure": "failed", "flaky": "fl
 
 
 def state_of(page: Page, test: str) -> Any:
-    """The row of a test in the list."""
+    """Return the row of a test in the list."""
     return list_of_tests(page).get_by_role("option", name=re.compile(rf"^{test} "))
 
 
 def list_of_tests(page: Page) -> Any:
-    """The list of tests."""
+    """Return the list of tests."""
     return page.get_by_role("listbox", name="Tests")
 
 
 def test_it_opens_without_a_network(finished: Any, visit: Any, shoot: Callable[..., None]):
-    """The verdict is there, every test with its own, and nothing was asked of any server."""
+    """The page shows all verdicts without any request."""
     page = visit(finished.address, offline=True)
     expect(page.get_by_role("heading", level=1)).to_have_text("failed")
     for test, verdict in VERDICTS.items():
@@ -42,7 +42,7 @@ def test_it_opens_without_a_network(finished: Any, visit: Any, shoot: Callable[.
 
 
 def test_failures_stand_first(finished: Any, visit: Any):
-    """What needs eyes is on top."""
+    """Failed tests are at the top of the list."""
     page = visit(finished.address, offline=True)
     rows = list_of_tests(page).get_by_role("option")
     expect(rows).to_have_count(7)
@@ -53,7 +53,7 @@ def test_failures_stand_first(finished: Any, visit: Any):
 
 
 def test_a_test_is_shown_in_depth(finished: Any, visit: Any, shoot: Callable[..., None]):
-    """Parts, measurements with unit and limits, plots, attachments that can be seen and saved."""
+    """A test shows its parts, measurements with unit and limits, plots, and attachments."""
     page = visit(f"{finished.address}#bench/measure", offline=True)
     detail = page.get_by_role("region", name="Details")
     expect(detail.get_by_role("heading", name="measure", exact=True)).to_be_visible()
@@ -72,7 +72,7 @@ def test_a_test_is_shown_in_depth(finished: Any, visit: Any, shoot: Callable[...
 
 
 def test_plots_show_something(finished: Any, visit: Any, shoot: Callable[..., None]):
-    """A plot has more colours than its background: its data came along."""
+    """A plot has more colours than its background."""
     page = visit(f"{finished.address}#bench/measure", offline=True)
     canvas = page.locator("canvas").first
     canvas.scroll_into_view_if_needed()
@@ -89,7 +89,7 @@ def test_plots_show_something(finished: Any, visit: Any, shoot: Callable[..., No
 
 
 def test_links_lead_to_the_same_place_for_ever(finished: Any, visit: Any):
-    """A part of a test has an address that can be sent to somebody, and reloading stays there."""
+    """The address of a part of a test shows it, also after reloading."""
     page = visit(f"{finished.address}#bench/measure/joint%203", offline=True)
     detail = page.get_by_role("region", name="Details")
     expect(detail).to_contain_text("show the whole test")
@@ -102,7 +102,7 @@ def test_links_lead_to_the_same_place_for_ever(finished: Any, visit: Any):
 
 
 def test_the_fixture_is_shown_with_its_incident(finished: Any, visit: Any, shoot: Callable[..., None]):
-    """Both generations, what was the matter with the first, and its last words."""
+    """A fixture shows its generations, and its incident with cause and last output."""
     page = visit(f"{finished.address}#~fixtures", offline=True)
     view = page.get_by_role("region", name="Fixtures", exact=True)
     expect(view).to_contain_text("server")
@@ -112,7 +112,7 @@ def test_the_fixture_is_shown_with_its_incident(finished: Any, visit: Any, shoot
 
 
 def test_measurements_are_compared_across_tests(finished: Any, visit: Any, shoot: Callable[..., None]):
-    """One table, which can be sorted by a click and filtered by words."""
+    """All measurements are in one table, which can be sorted and filtered."""
     page = visit(f"{finished.address}#~measurements", offline=True)
     rows = page.get_by_role("row").filter(has_text="tracking error")
     expect(rows).to_have_count(3)
@@ -126,7 +126,7 @@ def test_measurements_are_compared_across_tests(finished: Any, visit: Any, shoot
 
 
 def test_the_log_is_filtered(finished: Any, visit: Any, shoot: Callable[..., None]):
-    """By words, severity and source."""
+    """The log can be filtered by words, severity and source."""
     page = visit(f"{finished.address}#~log", offline=True)
     log = page.get_by_role("listbox", name="Log")
     log.press("End")
@@ -141,7 +141,7 @@ def test_the_log_is_filtered(finished: Any, visit: Any, shoot: Callable[..., Non
 
 
 def test_the_environment_is_in_it(finished: Any, visit: Any, shoot: Callable[..., None]):
-    """Robot, station and versions: without them a record is worth nothing years later."""
+    """The page shows robot, station and versions."""
     page = visit(f"{finished.address}#~environment", offline=True)
     view = page.get_by_role("region", name="Environment", exact=True)
     for fact in ("icubSim", "bench", "python"):
@@ -150,7 +150,7 @@ def test_the_environment_is_in_it(finished: Any, visit: Any, shoot: Callable[...
 
 
 def test_it_is_compared_with_an_earlier_run(finished: Any, visit: Any, shoot: Callable[..., None]):
-    """The measurement that became worse is on top, with both values."""
+    """The comparison begins with the measurement that became worse, with both values."""
     page = visit(f"{finished.address}#~compare", offline=True)
     view = page.get_by_role("region", name="Comparison", exact=True)
     expect(view).to_contain_text("joint 3")
@@ -160,7 +160,7 @@ def test_it_is_compared_with_an_earlier_run(finished: Any, visit: Any, shoot: Ca
 
 
 def test_trends_of_all_runs_are_in_it(finished: Any, visit: Any, shoot: Callable[..., None]):
-    """Each measurement over the runs of the history."""
+    """The page shows the trend of each measurement over the history."""
     page = visit(f"{finished.address}#~trends", offline=True)
     view = page.get_by_role("region", name="Trends", exact=True)
     expect(view).to_contain_text("tracking error")
@@ -170,13 +170,13 @@ def test_trends_of_all_runs_are_in_it(finished: Any, visit: Any, shoot: Callable
 
 @pytest.mark.parametrize(("locale", "word"), [("de-DE", "Messwerte"), ("it-IT", "Misure"), ("fr-FR", "Measurements")])
 def test_it_speaks_the_language_of_its_reader(finished: Any, visit: Any, locale: str, word: str):
-    """German, Italian, and English to everybody else."""
+    """The page is in German or Italian for readers of these languages, else in English."""
     page = visit(finished.address, offline=True, locale=locale)
     expect(page.get_by_role("link", name=word)).to_be_visible()
 
 
 def test_a_run_that_was_killed_is_shown_as_such(tmp_path: Path, visit: Any, shoot: Callable[..., None]):
-    """No verdict is made up: the run did not end, and the test under which it was killed was interrupted."""
+    """A killed run is shown without a verdict, and its running test as interrupted."""
     events = [
         RunStarted(run="r", version="1"),
         SuitePlanned(suite="s", name="s"),
@@ -192,7 +192,7 @@ def test_a_run_that_was_killed_is_shown_as_such(tmp_path: Path, visit: Any, shoo
 
 
 def test_a_fault_that_was_injected_stands_in_the_heading(tmp_path: Path, visit: Any):
-    """Else a robot that was made to fail looks like one that fails; it is a text as any other."""
+    """The heading of a test has its injected fault, as text."""
     fault = {"name": "inject", "value": '"crash <b>- delay=1"', "unit": "", "source": "--set"}
     events = [
         RunStarted(run="r", version="1"),
@@ -213,7 +213,7 @@ def test_a_fault_that_was_injected_stands_in_the_heading(tmp_path: Path, visit: 
 
 
 def test_what_was_too_large_is_said(tmp_path: Path, visit: Any):
-    """The attachment is named, and that it is not here."""
+    """An attachment that is too large is named, with the reason."""
     folder = tmp_path / "run"
     folder.mkdir()
     (folder / "large.bin").write_bytes(bytes(3 << 20))
@@ -230,7 +230,7 @@ def test_what_was_too_large_is_said(tmp_path: Path, visit: Any):
 
 
 def test_the_cases_of_a_program_are_shown_below_it(tmp_path: Path, visit: Any):
-    """Each is a test in the list, after its program in the order of the plan; the program lists them."""
+    """Cases are listed as tests after their program, and in its details."""
     write_files(
         tmp_path,
         {

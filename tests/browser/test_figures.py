@@ -1,6 +1,6 @@
-"""What the figures are made of: places on bars and axes, lines of plots, differences of runs, tables of any length.
+"""The modules of the figures: places on bars and axes, lines of plots, differences of runs, and long tables.
 
-The modules are asked in a real browser, which gets them as the server would serve them.
+The modules run in a real browser, which gets them as from the server.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ EMPTY = '<!doctype html><html lang="en"><head><script src="uPlot.iife.min.js"></
 
 @pytest.fixture(scope="module")
 def page(browser: Browser) -> Iterator[Page]:
-    """An empty page to which the modules can be imported."""
+    """An empty page that can import the modules."""
     assets = read_assets()
 
     def serve(route: Route) -> None:
@@ -41,7 +41,7 @@ def page(browser: Browser) -> Iterator[Page]:
 
 @pytest.fixture
 def ask(page: Page) -> Any:
-    """Calls a function with what a module exports and with some values."""
+    """Calls a function with the exports of a module, and with values."""
 
     def call(module: str, function: str, *values: Any) -> Any:
         script = f"async (values) => ({function})(await import('./{module}.js'), ...values)"
@@ -63,7 +63,7 @@ def ask(page: Page) -> Any:
     ],
 )
 def test_an_axis_of_time_is_divided_as_clocks_are(ask: Any, low: float, high: float, texts: list[str]):
-    """Seconds by 1, 2, 5, 10, 15, 30; minutes and hours likewise."""
+    """An axis of time is divided by 1, 2, 5, 10, 15 or 30 seconds, minutes or hours."""
     assert (
         ask(
             "chart_helpers", "({ timeTicks }, low, high) => timeTicks(low, high, 5).map((tick) => tick.text)", low, high
@@ -77,12 +77,12 @@ def test_an_axis_of_time_is_divided_as_clocks_are(ask: Any, low: float, high: fl
     [(1.25, 0.25, "1.25"), (-3, 1, "\u22123"), (0.30000000000000004, 0.1, "0.3"), (2e9, 1e9, "2.00e+9")],
 )
 def test_a_tick_has_the_digits_that_its_step_needs(ask: Any, value: float, step: float, text: str):
-    """No tick is rounded to a value that it is not at."""
+    """A tick has as many digits as its step needs."""
     assert ask("chart_helpers", "({ tickText }, value, step) => tickText(value, step)", value, step) == text
 
 
 def test_thin_bars_merge_but_a_bad_one_stays_in_sight(ask: Any):
-    """Five hundred tests of a fixture are a few bars, and the one that failed is one of them."""
+    """Many thin bars are merged, except for one of a failed test."""
     bars = [{"from": index / 10, "to": index / 10 + 0.08, "rank": 0 if index == 250 else 12} for index in range(500)]
     merged = ask(
         "chart_helpers",
@@ -93,7 +93,7 @@ def test_thin_bars_merge_but_a_bad_one_stays_in_sight(ask: Any):
 
 
 def test_a_saved_table_is_text_for_a_spreadsheet(ask: Any):
-    """Quotes are doubled, numbers stay numbers, and what a test wrote is never a formula."""
+    """A saved table is CSV with doubled quotes; a text is never a formula."""
     rows = [["name", "value"], ['=HYPERLINK("x")', -1.5], ["a,b\nc", None]]
     text = 'name,value\r\n"\'=HYPERLINK(""x"")",-1.5\r\n"a,b\nc",\r\n'
     assert ask("chart_helpers", "({ csvText }, rows) => csvText(rows)", rows) == text
@@ -114,19 +114,19 @@ def test_a_saved_table_is_text_for_a_spreadsheet(ask: Any):
 def test_the_mark_of_a_margin_bar_stands_where_the_value_is(
     ask: Any, measurement: dict[str, Any], at: float, beyond: int
 ):
-    """Between the limits in proportion; beyond the bar at its end, pointing outwards."""
+    """The mark is in proportion between the limits, and at the end of the bar beyond them."""
     mark = ask("margin_bar", "({ marginScale }, measurement) => marginScale(measurement).mark", measurement)
     assert mark == {"at": pytest.approx(at), "beyond": beyond}
 
 
 @pytest.mark.parametrize("measurement", [{"value": 1}, {"value": "NaN", "low": 0, "high": 1}])
 def test_without_a_place_there_is_no_bar(ask: Any, measurement: dict[str, Any]):
-    """What has no limits, or is no number, has none."""
+    """A measurement without limits, or with NaN, has no bar."""
     assert ask("margin_bar", "({ marginScale }, measurement) => marginScale(measurement)", measurement) is None
 
 
 def test_a_margin_bar_can_be_heard(page: Page):
-    """Who does not see the bar is told the same in words."""
+    """The label of a margin bar has its values in words."""
     words = page.evaluate(
         """async () => {
           const [{ marginBar }, { format }] = await Promise.all([import("./margin_bar.js"), import("./format.js")]);
@@ -141,7 +141,7 @@ def test_a_margin_bar_can_be_heard(page: Page):
 
 
 def series(subject: str, *columns: tuple[str, str], axis: tuple[str, str] = ("time", "s")) -> dict[str, Any]:
-    """A record of a series."""
+    """Return the record of a series."""
     named = [{"name": name, "unit": unit} for name, unit in (axis, *columns)]
     return {
         "test": "s/t",
@@ -154,14 +154,14 @@ def series(subject: str, *columns: tuple[str, str], axis: tuple[str, str] = ("ti
 
 
 def layout(ask: Any, *records: dict[str, Any]) -> Any:
-    """Which columns of these series share a figure: [groups of [figures of column names]]."""
+    """Return the columns that share a figure: [groups of [figures of column names]]."""
     function = """({ layoutOf, tracesOf }, records) => layoutOf(tracesOf(records, [])).map(
         (group) => group.figures.map((figure) => figure.lines.map((line) => line.name)))"""
     return ask("plot_data", function, [*records])
 
 
 def test_a_figure_has_at_most_two_scales(ask: Any):
-    """A third unit gets a figure of its own, and so does a difference, which is small beside what it is of."""
+    """A third unit, and a difference, have a figure of their own."""
     record = series(
         "j", ("reference", "deg"), ("measured", "deg"), ("error", "deg"), ("current", "A"), ("speed", "deg/s")
     )
@@ -169,13 +169,13 @@ def test_a_figure_has_at_most_two_scales(ask: Any):
 
 
 def test_series_over_other_axes_stay_apart(ask: Any):
-    """Time and angle have no common axis."""
+    """Series over different axes have figures of their own."""
     over_angle = series("b", ("torque", "Nm"), axis=("angle", "deg"))
     assert layout(ask, series("a", ("torque", "Nm")), over_angle) == [[["torque"]], [["torque"]]]
 
 
 def test_what_was_wanted_has_the_colour_of_what_came(ask: Any):
-    """Of several joints each has one colour, for its reference and its measured line."""
+    """The reference and the measured line of a joint have one colour."""
     records = [series(f"joint {index}", ("reference", "deg"), ("position", "deg")) for index in range(2)]
     function = """({ layoutOf, tracesOf }, records) => layoutOf(tracesOf(records, []))[0].figures[0].lines.map(
         (line) => [line.trace.record.subject, line.wanted, line.colour])"""
@@ -184,13 +184,13 @@ def test_what_was_wanted_has_the_colour_of_what_came(ask: Any):
 
 
 def test_gaps_are_gaps_and_the_axis_ascends(ask: Any):
-    """What is no finite number is a gap; rows that are out of order, or have no place, are put right."""
+    """NaN and infinity are gaps; rows are sorted, and rows without a place removed."""
     columns = "[[1, 0, NaN, 2], [10, 5, 7, Infinity]]"
     assert ask("plot_data", f"({{ cleanColumns }}) => cleanColumns({columns})") == [[0, 1, 2], [5, 10, None]]
 
 
 def test_a_recorded_series_takes_the_place_of_the_live_one(ask: Any):
-    """It keeps its choice and what was drawn until the whole of it is there."""
+    """A recorded series replaces the live one, whose data stay until it is loaded."""
     record = series("j", ("measured", "deg"))
     function = """({ tracesOf }, record) => {
       const entry = { record, columns: record.columns, samples: [[0, 1], [5, 6]] };
@@ -203,7 +203,7 @@ def test_a_recorded_series_takes_the_place_of_the_live_one(ask: Any):
 
 
 def test_limits_are_drawn_only_where_they_are_of_the_column(ask: Any):
-    """A measurement has the name, the unit and the subject of the column, or it is about something else."""
+    """Limits are drawn for the column with the measurement's name, unit and subject."""
     record = series("joint 1", ("position", "deg"))
     measurements = [
         {"name": "position", "unit": "deg", "subject": "joint 1", "low": -5, "high": 5},
@@ -219,12 +219,12 @@ def test_limits_are_drawn_only_where_they_are_of_the_column(ask: Any):
 
 
 def outcome(verdict: str | None, *measurements: dict[str, Any]) -> dict[str, Any]:
-    """What a test came to."""
+    """Return the outcome of a test."""
     return {"name": "t", "verdict": verdict, "measurements": [*measurements]}
 
 
 def compared(ask: Any, older: dict[str, Any], newer: dict[str, Any]) -> Any:
-    """The differences of two runs."""
+    """Return the differences of two runs."""
     function = """({ compareOutcomes }, older, newer) =>
         compareOutcomes(new Map(Object.entries(older)), new Map(Object.entries(newer)))"""
     return ask("compare", function, older, newer)
@@ -245,13 +245,13 @@ def compared(ask: Any, older: dict[str, Any], newer: dict[str, Any]) -> Any:
     ],
 )
 def test_a_change_has_a_name(ask: Any, before: str, now: str, change: str):
-    """What works no more is told from what was fixed, and both from what was never tried."""
+    """Each change of a verdict has a name, such as newly failing or fixed."""
     (row,) = compared(ask, {"s/t": outcome(before)}, {"s/t": outcome(now)})["tests"]
     assert row["change"] == change
 
 
 def test_what_has_not_ended_is_no_change(ask: Any):
-    """During a run only what is known is compared; a test that is in one run only is named."""
+    """A test that has not ended is no change; one in a single run is new or missing."""
     found = compared(
         ask,
         {"a": outcome("passed"), "b": outcome("passed"), "gone": outcome("passed")},
@@ -262,7 +262,7 @@ def test_what_has_not_ended_is_no_change(ask: Any):
 
 
 def test_a_measurement_moves_in_shares_of_its_range(ask: Any):
-    """Changed verdicts come first, then what moved most; what did not move is counted."""
+    """Changed verdicts come first, then the largest changes; unchanged values are counted."""
 
     def measured(name: str, value: float, verdict: str = "passed") -> dict[str, Any]:
         return {"name": name, "value": value, "low": 0, "high": 10, "verdict": verdict}
@@ -276,7 +276,7 @@ def test_a_measurement_moves_in_shares_of_its_range(ask: Any):
 
 
 def test_what_was_measured_twice_is_compared_twice(ask: Any):
-    """The first with the first, the second with the second."""
+    """Repeated measurements are compared in their order."""
     before = [{"name": "m", "value": value} for value in (1, 2)]
     now = [{"name": "m", "value": value} for value in (1, 4)]
     found = compared(ask, {"s/t": outcome("measured", *before)}, {"s/t": outcome("measured", *now)})
@@ -287,7 +287,7 @@ def test_what_was_measured_twice_is_compared_twice(ask: Any):
 
 
 def test_a_table_of_a_hundred_thousand_rows_has_few(page: Page):
-    """Only rows in sight are there; it sorts by a press on a header, and says so."""
+    """A long table draws the visible rows only, and is sorted by its headers."""
     page.add_style_tag(content=".sort-region { --row: 2rem; height: 400px; overflow: auto } td { height: 2rem }")
     page.evaluate(
         """async () => {

@@ -1,4 +1,4 @@
-"""The page is for everybody: without a mouse, on a tablet and a phone, in the dark, and for who listens to it."""
+"""Accessibility: keyboard, tablet and phone, dark mode, screen readers and print."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def go(page: Page, hash_: str) -> None:
 def test_no_view_keeps_anybody_out(
     finished: Any, visit: Any, served: Any, barriers: Any, shoot: Callable[..., None], *, dark: bool, live: bool
 ):
-    """axe-core finds nothing: names, roles, contrast, order of headings."""
+    """axe-core finds no violation in any view."""
     if live:
         arguments = ("--compare", str(finished.earlier), "--history", str(finished.folder / "history.sqlite"))
         page = visit(served(finished.run, *arguments).address, dark=dark)
@@ -64,7 +64,7 @@ def test_no_view_keeps_anybody_out(
 def test_the_operators_parts_keep_nobody_out(
     live_run: Any, visit: Any, barriers: Any, shoot: Callable[..., None], *, dark: bool
 ):
-    """Questions and the dialog that stops the run."""
+    """axe-core finds no violation in questions and in the stop dialog."""
     run = live_run('<test name="ask" fixtures="">ask.py</test>')
     page = visit(run.address, dark=dark, viewport=TABLET)
     expect(page.get_by_role("region", name="Question").get_by_role("button", name="Yes")).to_be_visible()
@@ -82,7 +82,7 @@ def test_the_operators_parts_keep_nobody_out(
 
 @pytest.mark.parametrize(("name", "viewport"), [("phone", PHONE), ("tablet", TABLET)])
 def test_it_fits(finished: Any, visit: Any, shoot: Callable[..., None], name: str, viewport: Any):
-    """No view is wider than the screen; what is wider scrolls by itself."""
+    """No view is wider than the screen of a phone or tablet."""
     page = visit(finished.address, offline=True, viewport=viewport, has_touch=True, is_mobile=name == "phone")
     expect(page.get_by_role("heading", level=1)).to_have_text("failed")
     wide = []
@@ -96,7 +96,7 @@ def test_it_fits(finished: Any, visit: Any, shoot: Callable[..., None], name: st
 
 
 def test_fingers_find_what_they_press(finished: Any, visit: Any):
-    """On a touch screen nothing that is pressed is smaller than 24 pixels, rows of the list not smaller than 44."""
+    """On a touch screen controls have at least 24 pixels, rows of the list 44."""
     page = visit(finished.address, offline=True, viewport=TABLET, has_touch=True)
     rows = page.get_by_role("listbox", name="Tests").get_by_role("option")
     expect(rows.first).to_be_visible()
@@ -112,12 +112,12 @@ def test_fingers_find_what_they_press(finished: Any, visit: Any):
 
 
 def selected(page: Page) -> Any:
-    """The test under the cursor."""
+    """Return the selected test."""
     return page.get_by_role("listbox", name="Tests").locator("[aria-selected=true]")
 
 
 def test_the_keyboard_is_enough(finished: Any, visit: Any, shoot: Callable[..., None]):
-    """With j and k one walks, Enter opens, f narrows, / filters, Escape goes back, s does nothing in a record."""
+    """Keys move, open, filter and go back; the stop key does nothing in an archived page."""
     page = visit(finished.address, offline=True)
     tests = page.get_by_role("listbox", name="Tests")
     detail = page.get_by_role("region", name="Details")
@@ -148,7 +148,7 @@ def test_the_keyboard_is_enough(finished: Any, visit: Any, shoot: Callable[..., 
 
 
 def test_the_focus_goes_everywhere_and_is_seen(finished: Any, visit: Any):
-    """Tab reaches views, filter, list and details in the order of the page, and each shows that it has the focus."""
+    """Tab reaches views, filter, list and details in order, with a visible focus."""
     page = visit(f"{finished.address}#bench/measure", offline=True)
     expect(page.locator("canvas").first).to_be_visible()
     reached: list[str] = []
@@ -175,7 +175,7 @@ def test_the_focus_goes_everywhere_and_is_seen(finished: Any, visit: Any):
 
 
 def test_who_listens_hears_the_end(live_run: Any, visit: Any):
-    """Landmarks to jump to, and a live region that tells of failures and the end, not of each event."""
+    """The page has landmarks, and a live region that reports failures and the end."""
     run = live_run('<test name="gate" fixtures="">gate.py</test><test name="flaky" fixtures="">flaky.py</test>')
     page = visit(run.address)
     for landmark in ("banner", "navigation", "main"):
@@ -186,7 +186,7 @@ def test_who_listens_hears_the_end(live_run: Any, visit: Any):
 
 
 def test_it_can_be_printed(finished: Any, visit: Any, shoot: Callable[..., None]):
-    """On paper there is the verdict and every test, and nothing that only a screen can do."""
+    """In print the page has the verdict and every test, without controls."""
     page = visit(finished.address, offline=True)
     expect(page.get_by_role("heading", level=1)).to_have_text("failed")
     page.emulate_media(media="print")

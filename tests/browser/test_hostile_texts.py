@@ -1,4 +1,4 @@
-"""Texts that want to be more than text: in every field of every event they are shown, and do nothing."""
+"""Hostile texts in every field of every event are shown as text."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _INJECTED = """() => {
 
 @pytest.fixture(params=["archived", "live"])
 def opened(request: pytest.FixtureRequest, tmp_path: Path, visit: Any, served: Any) -> Callable[..., Page]:
-    """Opens the page of a run that consists of these events, as a file and from the server."""
+    """Opens the page of a run with these events, as a file and from the server."""
 
     def open_page(events: Iterator[Event]) -> Page:
         folder = put(tmp_path / "run", *numbered(events))
@@ -63,7 +63,7 @@ def go(page: Page, hash_: str) -> None:
 
 
 def test_texts_stay_texts(opened: Callable[..., Page], shoot: Callable[..., None], request: pytest.FixtureRequest):
-    """Nothing is injected in any view or test, nothing runs, and the page can be used as ever."""
+    """No text is injected as markup or script in any view, and the page works."""
     page = opened(hostile_run())
     for view in VIEWS:
         go(page, view)
@@ -89,7 +89,7 @@ def test_texts_stay_texts(opened: Callable[..., Page], shoot: Callable[..., None
 
 
 def test_long_lines_do_no_harm(opened: Callable[..., Page], shoot: Callable[..., None], request: pytest.FixtureRequest):
-    """A megabyte in every field: each view opens, nothing is pushed out of the page, and keys still do what they do."""
+    """With a megabyte in every field each view opens and fits, and keys work."""
     page = opened(long_run())
     for view in (*VIEWS, "#s/t", "#s"):
         go(page, view)

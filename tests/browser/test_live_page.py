@@ -1,4 +1,4 @@
-"""The live page: a real run seen as it happens, by whoever comes when, and nothing missed or doubled."""
+"""The live page: it shows a run as it happens, to clients at any time, without missing or doubled lines."""
 
 from __future__ import annotations
 
@@ -23,29 +23,29 @@ SAYING = '<test name="say" fixtures="">say.py</test><test name="after" fixtures=
 
 
 def title(page: Page) -> Any:
-    """How the run stands, in words."""
+    """Return the heading with the state of the run."""
     return page.get_by_role("heading", level=1)
 
 
 def row(page: Page, test: str) -> Any:
-    """A test in the list."""
+    """Return the row of a test in the list."""
     return page.get_by_role("listbox", name="Tests").get_by_role("option", name=re.compile(rf"^{test} "))
 
 
 def let(run: Any, *names: str) -> None:
-    """Open gates."""
+    """Create the files that tests wait for."""
     for name in names:
         (run.folder / name).touch()
 
 
 def let_it_say(run: Any, first: int, last: int) -> None:
-    """Have the test say these lines, and wait until they are in the journal."""
+    """Let the test report these lines, and wait until they are in the journal."""
     let(run, *[f"say{number}" for number in range(first, last + 1)])
     run.wait_for(lambda events: any(isinstance(event, Message) and event.detail == f"line {last}" for event in events))
 
 
 def assert_same_as_journal(page: Page, run: Any) -> None:
-    """The page shows each line that was said and each measurement once, and counts verdicts as the journal has them."""
+    """Check that the page shows each reported line and measurement once, and the journal's verdicts."""
     events = [*journal.read(run.run_folder)]
     said = [event.detail for event in events if isinstance(event, Message) and event.detail.startswith("line ")]
     measured = [event for event in events if isinstance(event, Measured)]
@@ -61,7 +61,7 @@ def assert_same_as_journal(page: Page, run: Any) -> None:
 
 
 def test_a_run_is_seen_as_it_happens(live_run: Callable[..., Any], visit: Any, shoot: Callable[..., None]):
-    """Crash, hang, the loss of the server and its next generation: each is there while the run goes on."""
+    """A crash, a hang, and a lost fixture with its next generation are shown while the run goes on."""
     suite = """
       <timeout setup="10" teardown="5">60</timeout>
       <fixture name="server" backoff="0.05" check-period="0.05">
@@ -102,7 +102,7 @@ def test_a_run_is_seen_as_it_happens(live_run: Callable[..., Any], visit: Any, s
 
 
 def test_who_comes_late_sees_all(live_run: Callable[..., Any], visit: Any):
-    """What happened before is sent first; what comes after follows; reloading changes nothing."""
+    """A late page shows earlier and later events, also after reloading."""
     run = live_run(SAYING)
     let_it_say(run, 1, 20)
     page = visit(run.address)
@@ -122,7 +122,7 @@ def test_who_comes_late_sees_all(live_run: Callable[..., Any], visit: Any):
 def test_a_cut_connection_is_taken_up_again(
     live_run: Callable[..., Any], visit: Any, wire: Any, unreachable: re.Pattern[str], shoot: Callable[..., None]
 ):
-    """The page says that it is cut off, then has what happened meanwhile: nothing is missing, nothing twice."""
+    """After a lost connection, which is shown, the page gets all missed events once."""
     run = live_run(SAYING)
     let_it_say(run, 1, 5)
     cable, address = wire(run.address)
@@ -143,7 +143,7 @@ def test_a_cut_connection_is_taken_up_again(
 
 
 def test_two_tabs_see_the_same(live_run: Callable[..., Any], visit: Any):
-    """One hidden, one not; both are complete when somebody looks."""
+    """Two tabs, one of them hidden, are both complete."""
     run = live_run(SAYING)
     one = visit(run.address)
     other = visit.another_tab(one, run.origin)
@@ -161,7 +161,7 @@ def test_two_tabs_see_the_same(live_run: Callable[..., Any], visit: Any):
 
 
 def test_a_question_is_answered_by_mouse(live_run: Callable[..., Any], visit: Any, shoot: Callable[..., None]):
-    """Every form, the picture with it; the answers are in the journal, and from where."""
+    """Every form of question, with its picture, is answered by mouse; the journal has answers and sources."""
     run = live_run('<test name="ask" fixtures="">ask.py</test>')
     page = visit(run.address)
     question = page.get_by_role("region", name="Question")
@@ -184,7 +184,7 @@ def test_a_question_is_answered_by_mouse(live_run: Callable[..., Any], visit: An
 
 
 def test_a_question_is_answered_by_keyboard(live_run: Callable[..., Any], visit: Any):
-    """The first answer has the focus; choices have numbers; Enter sends what was written."""
+    """The first answer has the focus, choices have numbers, and Enter sends a text."""
     run = live_run('<test name="ask" fixtures="">ask.py</test>')
     page = visit(run.address)
     question = page.get_by_role("region", name="Question")
@@ -206,7 +206,7 @@ def test_a_question_is_answered_by_keyboard(live_run: Callable[..., Any], visit:
 
 
 def answers(outcome: Any) -> list[tuple[str, str]]:
-    """What was answered, and from where."""
+    """Return the answers with their sources."""
     return [(event.answer, event.source) for event in outcome.events if event.kind == "answered"]
 
 
@@ -214,7 +214,7 @@ STOPPED = '<test name="gate" fixtures="">gate.py</test><test name="after" fixtur
 
 
 def test_a_run_is_stopped_after_the_test(live_run: Callable[..., Any], visit: Any, shoot: Callable[..., None]):
-    """By mouse: the page says so, the test ends in its own time, and no other begins."""
+    """The mouse stops the run after the running test, and the page says so."""
     run = live_run(STOPPED)
     page = visit(run.address)
     expect(row(page, "gate")).to_contain_text("running")
@@ -232,7 +232,7 @@ def test_a_run_is_stopped_after_the_test(live_run: Callable[..., Any], visit: An
 
 
 def test_a_run_is_stopped_now(live_run: Callable[..., Any], visit: Any):
-    """By keyboard: ``s`` asks first, Escape takes it back, and the second time it is meant."""
+    """The keyboard stops the running test after a confirmation, which Escape cancels."""
     run = live_run(STOPPED)
     page = visit(run.address)
     expect(row(page, "gate")).to_contain_text("running")
@@ -252,7 +252,7 @@ def test_a_run_is_stopped_now(live_run: Callable[..., Any], visit: Any):
 
 
 def test_without_the_token_there_is_only_looking(live_run: Callable[..., Any], visit: Any, shoot: Callable[..., None]):
-    """Questions are shown and cannot be answered; the stop button says why it does nothing."""
+    """Without the token questions are shown, but cannot be answered, and the run cannot be stopped."""
     run = live_run('<test name="ask" fixtures="">ask.py</test>')
     page = visit(run.origin)
     question = page.get_by_role("region", name="Question")
@@ -266,7 +266,7 @@ def test_without_the_token_there_is_only_looking(live_run: Callable[..., Any], v
 
 
 def test_the_token_is_seen_by_nobody(live_run: Callable[..., Any], visit: Any):
-    """It leaves the address at once, and a reload still has it."""
+    """The token disappears from the address, and is kept on reloading."""
     run = live_run(STOPPED)
     page = visit(run.address)
     expect(row(page, "gate")).to_contain_text("running")
@@ -281,7 +281,7 @@ def test_the_token_is_seen_by_nobody(live_run: Callable[..., Any], visit: Any):
 
 
 def test_the_policy_allows_nothing_unsafe(live_run: Callable[..., Any]):
-    """Neither inline code nor anything from elsewhere."""
+    """The content policy allows neither inline code nor other origins."""
     run = live_run(STOPPED)
     with urllib.request.urlopen(run.origin) as answer:
         policy = answer.headers["Content-Security-Policy"]

@@ -1,4 +1,4 @@
-"""The page of a port in a real browser: its form, its live picture, and nothing that runs."""
+"""The page of a port in a real browser: its form, its live image, and no scripts."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ HOSTILE = "<img/src=x/onerror=alert(1)>"
 
 @pytest.fixture
 def page(browser: Browser) -> Iterator[Page]:
-    """A page; what the browser complains of fails the test."""
+    """A page; an error that the browser reports fails the test."""
     complaints: list[str] = []
     context = browser.new_context()
     opened = context.new_page()
@@ -41,12 +41,12 @@ def page(browser: Browser) -> Iterator[Page]:
 
 
 def echo(message: IncomingMessage) -> None:
-    """Reply with what was asked."""
+    """Reply with the request itself."""
     message.reply(message.read())
 
 
 def test_from_the_name_server_to_an_answer(page: Page) -> None:
-    """The name server's page leads to a port's page, whose form asks the owner and shows the reply as text."""
+    """The name server's page links to a port's page, whose form shows the reply as text."""
     with NameServer() as server, Port(f"/robot/{HOSTILE}", echo, network=Network(server.names)) as port:
         page.goto(f"http://127.0.0.1:{server.contact.port}/")
         page.get_by_role("link", name=port.name).click()
@@ -57,7 +57,7 @@ def test_from_the_name_server_to_an_answer(page: Page) -> None:
 
 
 def test_camera_is_shown_live(page: Page) -> None:
-    """The page of a port of images shows them, as long as it is open."""
+    """The page of a port of images shows them while it is open."""
     with (
         NameServer() as server,
         BufferedPort("/cam", Image.codec, network=Network(server.names)) as camera,

@@ -1,4 +1,4 @@
-"""A run that waits while tests look at its page. Then it is told to go on, and must have noticed nothing."""
+"""A run that waits while tests use its page; afterwards it goes on, and must pass."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TWO = '<suite name="s"><test>waiting.py</test><test name="more">waiting.py</test
 
 @pytest.fixture(scope="module")
 def waiting(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveRun]:
-    """A run whose first test has asked its question."""
+    """A run whose first test has asked a question."""
     folder = tmp_path_factory.mktemp("waiting")
     write_files(folder, {"suite__xml": TWO, "waiting__py": WAITING})
     run = LiveRun(folder, "-s", "suite.xml", "--no-output")

@@ -1,4 +1,4 @@
-"""Who gets what from the server: names, origins, the token, and the headers on every answer."""
+"""Access to the server: hosts, origins, the token, and the headers of every response."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def settings(host: str = "127.0.0.1", port: int = 8080) -> Settings:
-    """A server at this place."""
+    """Return the settings of a server at this address."""
     return Settings(run_folder="/nowhere", host=host, port=port, token="secret")
 
 
@@ -47,7 +47,7 @@ def settings(host: str = "127.0.0.1", port: int = 8080) -> Settings:
     ],
 )
 def test_the_host_header_must_be_ours(host: str, port: int, header: str, *, ours: bool):
-    """A name that was made to lead to this machine is not; where all networks are served, any address is."""
+    """A host name that does not belong to the server is refused; on all interfaces any address is accepted."""
     access = Access(settings(host, port))
     assert access.knows_host(header) == ours
     assert access.knows_origin(f"http://{header}") == ours
@@ -57,7 +57,7 @@ def test_the_host_header_must_be_ours(host: str, port: int, header: str, *, ours
     "origin", ["null", "", "https://127.0.0.1:8080", "http://127.0.0.1", "127.0.0.1:8080", "http:/127.0.0.1:8080"]
 )
 def test_other_origins_are_not_ours(origin: str):
-    """Neither a sandboxed page nor another scheme or port."""
+    """A sandboxed page, another scheme and another port are other origins."""
     assert not Access(settings()).knows_origin(origin)
 
 
@@ -77,12 +77,12 @@ def test_other_origins_are_not_ours(origin: str):
     ],
 )
 def test_only_the_token_controls(header: str, *, may: bool):
-    """All of it, and nothing around it."""
+    """Only a header with the exact token allows control."""
     assert Access(settings()).may_control(header) == may
 
 
 def test_without_a_token_nobody_controls():
-    """A page of a finished run has none, and an empty one does not open it."""
+    """Without a token, as for a finished run, nothing allows control."""
     access = Access(Settings(run_folder="/nowhere", host="127.0.0.1", port=8080))
     assert not access.may_control("Bearer ")
 
@@ -91,7 +91,7 @@ def test_without_a_token_nobody_controls():
 
 
 def safe(answer: Answer) -> bool:
-    """Whether an answer has every header it must have, and none that opens a door."""
+    """Return whether a response has all required headers, and no unsafe one."""
     headers = answer.headers
     policy = headers["content-security-policy"]
     assert "unsafe" not in policy
@@ -110,7 +110,7 @@ def safe(answer: Answer) -> bool:
     ["/", "/facts", "/page.css", "/status", "/nothing", "/files/nothing", "/series/nothing", "/compare", "/history"],
 )
 def test_every_answer_is_guarded(waiting: LiveRun, path: str):
-    """The page, data, and what is not there."""
+    """Every response has the security headers, errors included."""
     assert safe(waiting.page.get(path))
     assert safe(waiting.page.ask("HEAD", path))
     assert safe(waiting.page.ask("POST", path))
@@ -122,7 +122,7 @@ def test_every_answer_is_guarded(waiting: LiveRun, path: str):
     [{"Host": "evil.example"}, {"Host": "evil.example:80"}, {"Origin": "http://evil.example"}, {"Origin": "null"}],
 )
 def test_strangers_get_nothing(waiting: LiveRun, path: str, headers: dict[str, str]):
-    """A page elsewhere, also one whose name was rebound to this address, reads nothing."""
+    """A request of another origin or host name is refused."""
     answer = waiting.page.ask("POST" if "control" in path else "GET", path, **headers)
     assert answer.status == 403
     assert safe(answer)
@@ -130,7 +130,7 @@ def test_strangers_get_nothing(waiting: LiveRun, path: str, headers: dict[str, s
 
 
 def control_headers(run: LiveRun) -> dict[str, str]:
-    """What the page itself sends."""
+    """Return the headers that the page sends."""
     return {"Authorization": f"Bearer {run.page.token}", "Content-Type": "application/json"}
 
 
@@ -147,7 +147,7 @@ def control_headers(run: LiveRun) -> dict[str, str]:
     ],
 )
 def test_control_is_refused_without_all_it_takes(waiting: LiveRun, headers: dict[str, str], status: int):
-    """Token, type, origin and host: one that is missing is enough, and nothing stops."""
+    """Control needs token, content type, origin and host."""
     for what in ("stop", "answer"):
         answer = waiting.page.ask(
             "POST", f"/control/{what}", b'{"stage": 2}', **{**control_headers(waiting), **headers}
@@ -157,7 +157,7 @@ def test_control_is_refused_without_all_it_takes(waiting: LiveRun, headers: dict
 
 
 def test_control_is_never_a_get(waiting: LiveRun):
-    """A link or an image cannot stop a robot."""
+    """Control needs POST, so that no link can stop a robot."""
     for method in ("GET", "HEAD", "PUT", "DELETE", "OPTIONS"):
         assert waiting.page.ask(method, "/control/stop", b'{"stage": 2}', **control_headers(waiting)).status == 405
 
@@ -180,7 +180,7 @@ def test_control_is_never_a_get(waiting: LiveRun):
     ],
 )
 def test_what_is_no_stop_stops_nothing(waiting: LiveRun, body: bytes, status: int):
-    """The server says what it wants instead."""
+    """An invalid stop is refused with the reason."""
     answer = waiting.page.ask("POST", "/control/stop", body, **control_headers(waiting))
     assert answer.status == status
     assert answer.json["error"]
@@ -200,7 +200,7 @@ def test_what_is_no_stop_stops_nothing(waiting: LiveRun, body: bytes, status: in
     ],
 )
 def test_what_is_no_answer_answers_nothing(waiting: LiveRun, command: dict[str, object], status: int):
-    """The question stays open, and the server says why."""
+    """An invalid answer is refused with the reason, and the question stays open."""
     answer = waiting.page.control("answer", **command)
     assert answer.status == status
     assert answer.json["error"]

@@ -1,4 +1,4 @@
-"""The archive of a run: whole, one run, bounded, and with nothing in it that could become markup."""
+"""The archive of a run: complete, one run, limited in size, and without foreign markup."""
 
 from __future__ import annotations
 
@@ -42,29 +42,29 @@ ENDED = RunEnded(verdict=Verdict.PASSED, exit_code=0, duration=1.0, time=9.0, se
 
 
 def archived(folder: Path, extras: Extras | None = None) -> dict[str, bytes]:
-    """The blocks of the archive of a run's folder."""
+    """Return the blocks of the archive of a run's folder."""
     stream = io.BytesIO()
     write_archive(stream, folder, extras)
     return blocks(stream.getvalue())
 
 
 def facts(found: dict[str, bytes]) -> dict[str, Any]:
-    """The facts of the page."""
+    """Return the facts of the page."""
     return json.loads(found['id="rtf-facts"'])
 
 
 def left_out(found: dict[str, bytes]) -> dict[str, str]:
-    """The reasons, by path."""
+    """Return the reasons of omitted files by path."""
     return {str(row["path"]): str(row["reason"]) for row in facts(found)["left_out"]}
 
 
 def attached(path: str, **more: Any) -> Attached:
-    """A file of a test."""
+    """Return the event of an attachment."""
     return Attached(test="s/t", name=path, path=path, **more)
 
 
 def series(path: str, rows: int, **more: Any) -> SeriesRecorded:
-    """A series of two columns."""
+    """Return the event of a series of two columns."""
     return SeriesRecorded(
         test="s/t",
         name="x",
@@ -76,7 +76,7 @@ def series(path: str, rows: int, **more: Any) -> SeriesRecorded:
 
 
 def test_the_journal_of_a_whole_run_is_put_in_as_it_is(tmp_path: Path):
-    """Byte for byte, kinds and members that we do not know too; and the facts fit."""
+    """A complete journal is archived byte by byte, unknown events included."""
     unknown = b'{"event":"from the future","time":3,"more":[1]}\n'
     folder = put(tmp_path, STARTED)
     with (folder / FILE_NAME).open("ab") as stream:
@@ -94,7 +94,7 @@ def test_the_journal_of_a_whole_run_is_put_in_as_it_is(tmp_path: Path):
 
 
 def test_a_run_whose_runner_was_killed_is_given_its_ends(tmp_path: Path):
-    """The torn line is gone, the test that was running was interrupted, and the run was killed."""
+    """An incomplete journal gets its ends: the running test and the run are interrupted."""
     folder = put(tmp_path, STARTED, TestStarted(test="s/t", time=2.0), torn=b'{"event":"message","ti')
     lines = [json.loads(line) for line in archived(folder)['id="rtf-journal"'].splitlines()]
     assert [(line["event"], line.get("verdict"), line.get("stage")) for line in lines] == [
@@ -106,7 +106,7 @@ def test_a_run_whose_runner_was_killed_is_given_its_ends(tmp_path: Path):
 
 
 def test_a_run_that_was_resumed_is_one_run(tmp_path: Path):
-    """What was run again is reported once."""
+    """A resumed run is archived as one run."""
     ended = TestEnded(test="s/t", verdict=Verdict.INTERRUPTED, outcome=Verdict.INTERRUPTED, time=3.0)
     passed = TestEnded(test="s/t", verdict=Verdict.PASSED, outcome=Verdict.PASSED, time=5.0)
     start = TestStarted(test="s/t", time=2.0)
@@ -116,7 +116,7 @@ def test_a_run_that_was_resumed_is_one_run(tmp_path: Path):
 
 
 def test_what_was_seen_of_a_series_gives_way_to_the_series(tmp_path: Path):
-    """A preview stays where the series was never closed, and after the last one that was."""
+    """Samples of a series are omitted where the recorded series is in the archive."""
     np.savez(tmp_path / "x.npz", t=[0.0, 1.0], x=[2.0, 3.0])
     samples = [
         SeriesSampled(test=test, name="x", columns=({"name": "t"},), samples=([0.0],), time=time)  # type: ignore[arg-type]
@@ -132,7 +132,7 @@ def test_what_was_seen_of_a_series_gives_way_to_the_series(tmp_path: Path):
 
 
 def test_a_series_is_packed_as_the_server_packs_it(tmp_path: Path):
-    """Head, then the columns."""
+    """A series is archived in the server's binary form."""
     np.savez(tmp_path / "x.npz", t=[0.0, 1.0], x=[2.0, 3.0])
     data = archived(put(tmp_path, STARTED, series("x.npz", 2), ENDED))['data-series="x.npz"']
     assert np.frombuffer(data[:12], "<u4").tolist() == [2, 2, 0]
@@ -140,7 +140,7 @@ def test_a_series_is_packed_as_the_server_packs_it(tmp_path: Path):
 
 
 def test_many_series_share_the_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Each gets fewer points before any is left out; what does not fit then is reported."""
+    """Many series get fewer points each, before any is omitted."""
     monkeypatch.setattr(archive, "MAX_SERIES", 3 * 2 * 8 * 1000)
     for name in "abcd":
         np.savez(tmp_path / f"{name}.npz", t=np.arange(5000.0), x=np.zeros(5000))
@@ -152,7 +152,7 @@ def test_many_series_share_the_room(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 def test_a_series_that_is_none_is_told_of(tmp_path: Path):
-    """The others are there."""
+    """A damaged or missing series is reported, and the others are archived."""
     np.savez(tmp_path / "good.npz", t=[0.0], x=[1.0])
     (tmp_path / "bad.npz").write_bytes(b"PK?")
     found = archived(put(tmp_path, STARTED, series("bad.npz", 2), series("gone.npz", 2), series("good.npz", 1), ENDED))
@@ -161,7 +161,7 @@ def test_a_series_that_is_none_is_told_of(tmp_path: Path):
 
 
 def test_attachments_and_pictures_of_questions_are_put_in(tmp_path: Path):
-    """Once each, images before others, with a type that a browser may show or none."""
+    """Attachments and pictures are archived once, images first, with a safe type."""
     for name in ("log.txt", "evil.html", "a.png", "b.png"):
         (tmp_path / name).write_text(name)
     asked = Asked(test="s/t", question="q", text="?", picture="b.png")
@@ -176,7 +176,7 @@ def test_attachments_and_pictures_of_questions_are_put_in(tmp_path: Path):
 
 
 def test_attachments_are_bounded_one_by_one_and_in_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Smaller ones after one that does not fit still find room; each that does not is reported with its size."""
+    """Attachments have a size limit each and together; omitted ones are reported with their size."""
     monkeypatch.setattr(archive, "MAX_ATTACHMENT", 100)
     monkeypatch.setattr(archive, "MAX_ATTACHMENTS", 150)
     for name, size in [("large", 101), ("a", 90), ("b", 80), ("c", 60)]:
@@ -189,7 +189,7 @@ def test_attachments_are_bounded_one_by_one_and_in_all(tmp_path: Path, monkeypat
 
 @pytest.mark.parametrize("path", ["../outside", "/etc/passwd", "link", "", ".hidden", "folder"])
 def test_nothing_comes_from_outside_the_folder(tmp_path: Path, path: str):
-    """A journal is not believed where its files are."""
+    """Paths of the journal that lead out of the folder are refused."""
     (tmp_path / "outside").write_text("secret")
     folder = tmp_path / "run"
     folder.mkdir()
@@ -202,7 +202,7 @@ def test_nothing_comes_from_outside_the_folder(tmp_path: Path, path: str):
 
 
 def test_an_earlier_run_and_the_trends_are_put_in(tmp_path: Path):
-    """As they are given, and the facts say so."""
+    """An earlier run and trends are archived, and mentioned in the facts."""
     extras = Extras(compare=[{"event": "run_started", "run": "old"}], history={"runs": []})
     found = archived(put(tmp_path, STARTED, ENDED), extras)
     assert (facts(found)["compare"], facts(found)["history"]) == (True, True)
@@ -211,14 +211,14 @@ def test_an_earlier_run_and_the_trends_are_put_in(tmp_path: Path):
 
 
 def test_a_folder_without_a_journal_is_an_error(tmp_path: Path):
-    """With the path."""
+    """The error about a folder without a journal has its path."""
     with pytest.raises(JournalError, match=re.escape(str(tmp_path))):
         archived(tmp_path)
 
 
 @given(st.text(), st.lists(st.binary(max_size=200), max_size=6))
 def test_no_data_and_no_name_ends_its_element(name: str, pieces: list[bytes]):
-    """Whatever is put in comes out again, and in between there is no markup but ours."""
+    """Any data and names are archived without foreign markup, and read back."""
     stream = io.BytesIO()
     write_block(stream, {"data-file": name}, pieces)
     (found,) = BLOCK.findall(stream.getvalue())
@@ -227,7 +227,7 @@ def test_no_data_and_no_name_ends_its_element(name: str, pieces: list[bytes]):
 
 
 def test_memory_stays_flat(tmp_path: Path):
-    """A journal ten times as long takes no more memory; so does one that has to be written anew."""
+    """The memory for archiving does not grow with the journal."""
     script = textwrap.dedent(
         """
         import resource, sys

@@ -1,4 +1,4 @@
-"""Modules joined into one: the same program, in the order of its imports, or an error that names line and hint."""
+"""Joining modules into one: the same program in the order of imports, or an error with line and hint."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ needs_node = pytest.mark.skipif(NODE is None, reason="node is not installed")
 
 
 def check_syntax(text: str, folder: Path) -> str:
-    """What node has to say against a module; nothing when it is in order."""
+    """Return node's syntax errors of a module."""
     path = folder / "joined.mjs"
     path.write_text(text, encoding="utf-8")
     return subprocess.run([str(NODE), "--check", str(path)], capture_output=True, text=True, check=False).stderr
@@ -63,14 +63,14 @@ export function loud(text) { return text.toUpperCase() + "!"; }
 
 
 def test_each_module_stands_after_what_it_imports_and_unused_ones_are_left_out():
-    """The order of imports is the order in which their code has to run."""
+    """Modules are joined in the order of imports, without unused ones."""
     joined = join_modules(PROGRAM, "main.js")
     assert re.findall(r"^// (\w+\.js)$", joined, re.MULTILINE) == ["text.js", "people.js", "main.js"]
 
 
 @needs_node
 def test_the_joined_program_does_what_the_modules_do(tmp_path: Path):
-    """Run as modules and run joined, the output is the same."""
+    """The joined program has the output of the modules."""
     for name, text in PROGRAM.items():
         (tmp_path / name).write_text(text, encoding="utf-8")
     (tmp_path / "package.json").write_text('{"type": "module"}', encoding="utf-8")
@@ -98,7 +98,7 @@ def test_the_joined_program_does_what_the_modules_do(tmp_path: Path):
     ],
 )
 def test_an_import_of_another_form_is_refused(line: str):
-    """It could not be taken away, line by line."""
+    """An import that is not on one line in the usual form is refused with a hint."""
     with pytest.raises(BundleError, match=r'main\.js:2: .*write it on one line.* import \{ name \} from "\./module'):
         join_modules({"main.js": f"\n{line}\n", "other.js": "export const a = 1;"}, "main.js")
 
@@ -107,7 +107,7 @@ def test_an_import_of_another_form_is_refused(line: str):
     "line", ['const a = await import("./other.js");', "  load(import.meta.url);", "const b = import ('x');"]
 )
 def test_nothing_is_imported_while_the_page_runs(line: str):
-    """A single file has nowhere to import from."""
+    """A dynamic import is refused."""
     with pytest.raises(BundleError, match=r"main\.js:1: dynamic imports do not work in a single file"):
         join_modules({"main.js": line}, "main.js")
 
@@ -124,26 +124,26 @@ def test_nothing_is_imported_while_the_page_runs(line: str):
     ],
 )
 def test_an_export_of_another_form_is_refused(line: str):
-    """Only the word before a declaration can be taken away."""
+    """An export other than before a declaration is refused with a hint."""
     with pytest.raises(BundleError, match=r"main\.js:3: this export .*write export at the left margin"):
         join_modules({"main.js": f"\n\n{line}\n"}, "main.js")
 
 
 def test_names_that_could_not_be_seen_are_refused():
-    """A pattern at top level may declare anything."""
+    """A destructuring declaration at top level is refused."""
     with pytest.raises(BundleError, match=r"main\.js:1: a declaration at the left margin names one thing"):
         join_modules({"main.js": "const { a, b } = c;"}, "main.js")
 
 
 def test_what_is_imported_has_to_be_exported():
-    """Joined, it would be found all the same, and live it would not."""
+    """An import of a name that is not exported is refused."""
     sources = {"main.js": 'import { here, hidden } from "./a.js";', "a.js": "export const here = 1;\nconst hidden = 2;"}
     with pytest.raises(BundleError, match=r"main\.js:1: a\.js does not export hidden"):
         join_modules(sources, "main.js")
 
 
 def test_a_module_that_is_not_there_is_named():
-    """With the line that wants it."""
+    """The error about a missing module has the line of its import."""
     with pytest.raises(BundleError, match=r"main\.js:2: there is no module gone\.js"):
         join_modules({"main.js": '\nimport { a } from "./gone.js";'}, "main.js")
 
@@ -156,7 +156,7 @@ FORMS = st.sampled_from(
 
 @given(st.lists(NAMES, min_size=2, max_size=8, unique=True), st.data())
 def test_a_name_is_declared_once_among_all_modules(names: list[str], data: st.DataObject):
-    """Two modules may not declare the same name, exported or not; both places are named."""
+    """A name that two modules declare is refused with both places."""
     forms = [data.draw(FORMS).format(name) for name in names]
     exported = [f"{data.draw(st.sampled_from(['', 'export ']))}{form}" for form in forms]
     twice = data.draw(st.sampled_from(names))
@@ -171,14 +171,14 @@ def test_a_name_is_declared_once_among_all_modules(names: list[str], data: st.Da
 
 
 def test_a_name_is_declared_once_in_a_module():
-    """As a browser would say, but only when the page is opened."""
+    """A name that a module declares twice is refused."""
     with pytest.raises(BundleError, match=r"main\.js:2: a is declared at line 1 already"):
         join_modules({"main.js": "const a = 1;\nfunction a() {}"}, "main.js")
 
 
 @given(st.dictionaries(st.integers(0, 7), st.sets(st.integers(0, 7), max_size=4), min_size=1, max_size=8))
 def test_imports_in_a_circle_are_refused_and_all_others_are_put_in_order(graph: dict[int, set[int]]):
-    """Whatever imports whatever: joined in order, or the circle is named."""
+    """Circular imports are refused with the circle, all others are ordered."""
     wanted = {name: sorted(other for other in others if other in graph) for name, others in graph.items()}
     sources = {
         f"m{name}.js": "".join(f'import {{ value{other} }} from "./m{other}.js";\n' for other in others)
@@ -209,14 +209,14 @@ INDEX = """<!doctype html>
 
 
 def page(**sources: str) -> str:
-    """A small page as one file."""
+    """Return a small page as one file."""
     files = {"index.html": INDEX, "page.css": "b{}", "plain.js": "var a;", "main.js": "a = 1;"}
     head, tail = page_in_pieces({**files, **{name.replace("__", "."): text for name, text in sources.items()}})
     return (head + tail).decode()
 
 
 def test_references_are_replaced_and_nothing_else():
-    """Style and scripts stand where they were referred to."""
+    """Styles and scripts replace their references, and the rest stays."""
     text = page()
     assert re.sub(r"<meta http-equiv.*>\n", "", text) == INDEX.replace(
         '<link rel="stylesheet" href="page.css">', "<style>b{}</style>"
@@ -237,33 +237,33 @@ def test_references_are_replaced_and_nothing_else():
     ],
 )
 def test_a_reference_of_another_form_is_refused(line: str):
-    """It would lead nowhere from a file."""
+    """Any other reference is refused, because a single file would lack it."""
     with pytest.raises(BundleError, match=r"index\.html: .* would be missing in a single file"):
         page(index__html=INDEX.replace("<body>", f"{line}<body>"))
 
 
 def test_a_data_address_stays():
-    """It is inside the page already."""
+    """A data address stays."""
     icon = '<link rel="icon" href="data:image/png;base64,AAAA">'
     assert icon in page(index__html=INDEX.replace("<body>", f"{icon}<body>"))
 
 
 @pytest.mark.parametrize("text", ["'</script>'", "'</SCRIPT'", "'<!--'", "'<script>'", "'</style>'"])
 def test_a_text_that_would_end_its_element_is_refused(text: str):
-    """The page would go on as markup from there."""
+    """A text that would end its element is refused."""
     with pytest.raises(BundleError, match=r"plain\.js: .* cannot be in a page that is a single file"):
         page(plain__js=f"var a = {text};")
 
 
 @pytest.mark.parametrize("missing", ['<meta charset="utf-8">', "</head>"])
 def test_the_places_for_policy_and_data_are_needed(missing: str):
-    """The policy has to stand before what it is for."""
+    """The page must have places for policy and data."""
     with pytest.raises(BundleError, match="must have"):
         page(index__html=INDEX.replace(missing, ""))
 
 
 def test_our_page_becomes_one_file():
-    """No reference is left, and the policy allows what is inside by hash and nothing unsafe."""
+    """The page has no references as one file, and a policy with hashes and nothing unsafe."""
     head, tail = page_in_pieces()
     text = (head + tail).decode()
     assert re.findall(r"<script[^>]* src=|<link rel=\"stylesheet\"", text) == []
@@ -275,11 +275,11 @@ def test_our_page_becomes_one_file():
 
 @needs_node
 def test_our_modules_are_joined_to_a_correct_one(tmp_path: Path):
-    """Node reads it without complaint."""
+    """Node finds no error in the joined modules."""
     sources = {name: asset.text for name, asset in read_assets().items()}
     assert check_syntax(join_modules(sources, "main.js"), tmp_path) == ""
 
 
 def test_the_page_is_small():
-    """Under 400 kB in all, with uPlot: it is loaded over the network of a lab, and put into every report."""
+    """All files of the page have less than 400 kB."""
     assert sum(len(asset.content) for asset in read_assets().values()) < 400_000

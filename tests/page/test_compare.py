@@ -1,4 +1,4 @@
-"""An earlier run in few records: what it came to in the end, and nothing else."""
+"""The records of an earlier run for comparison: its final results only."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Twice(TestCase):
 
 
 def test_only_the_last_attempt_is_compared(tmp_path: Path):
-    """What a retry made good is not shown as a difference; numbers stand as in the journal."""
+    """Only the last attempt is compared, with numbers as in the journal."""
     outcome = run_suite(tmp_path, '<test retries="2">twice.py</test><test name="b">twice.py</test>', twice__py=TWICE)
     found = [*records(outcome.folder)]
     assert [(record["event"], record.get("test"), record.get("value")) for record in found] == [
@@ -48,7 +48,7 @@ def test_only_the_last_attempt_is_compared(tmp_path: Path):
 
 
 def test_of_a_resumed_run_the_last_word_counts(tmp_path: Path):
-    """A test that was run again is reported once; a torn end is nothing."""
+    """Of a test that ran again the last result counts; an incomplete line is ignored."""
     start = RunStarted(run="r", version="1", time=1.0, seq=1)
     planned = TestPlanned(test="s/a", suite="s", name="a", fingerprint="f", time=1.0)
     lost, kept = (Measured(test="s/a", name="n", value=value, time=2.0) for value in (1.0, 2.0))
@@ -64,7 +64,7 @@ def test_of_a_resumed_run_the_last_word_counts(tmp_path: Path):
 
 
 def test_run_of_an_older_version_is_compared_by_the_ids_of_now(tmp_path: Path):
-    """Its ids were made of names, in lower case."""
+    """Ids of an older version are translated."""
     events = [
         TestPlanned(test="s/nod-left", suite="s", name="Nod [left]"),
         TestStarted(test="s/nod-left"),
@@ -76,12 +76,12 @@ def test_run_of_an_older_version_is_compared_by_the_ids_of_now(tmp_path: Path):
 
 
 def test_a_run_is_named_by_its_folder_or_its_journal(tmp_path: Path):
-    """As for every other command."""
+    """A run is named by its folder or its journal."""
     (tmp_path / FILE_NAME).touch()
     assert journal_of(tmp_path) == journal_of(tmp_path / FILE_NAME) == tmp_path / FILE_NAME
 
 
 def test_what_is_no_run_is_named(tmp_path: Path):
-    """A slip of the fingers is told before anything runs."""
+    """A path without a run is an error that names it."""
     with pytest.raises(JournalError, match="no run in"):
         journal_of(tmp_path / "latset")

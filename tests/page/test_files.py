@@ -1,4 +1,4 @@
-"""Which paths lead to a file of the run, and as what it may be shown."""
+"""Files of the run: which paths are served, and as which type."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rtf.page.files import inside, is_shown, media_type
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A run's folder with a file, and a secret beside it."""
+    """A run's folder with a file and links, and a secret beside it."""
     (tmp_path / "secret").write_text("secret")
     run = tmp_path / "run"
     (run / "files").mkdir(parents=True)
@@ -30,7 +30,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_files_of_the_run_are_found(folder: Path):
-    """Also through a link, as long as it stays inside."""
+    """Files are found, also through a link within the folder."""
     assert inside(folder, "files/a b.txt").read_text() == "fine"
     assert inside(folder, "inner").read_text() == "fine"
 
@@ -43,7 +43,7 @@ def test_files_of_the_run_are_found(folder: Path):
     ],
 )
 def test_nothing_else_is(folder: Path, name: str):
-    """Not what is outside, not through links, not what is hidden or no file."""
+    """Paths to other files, links out of the folder, hidden files and folders are refused."""
     with pytest.raises(FileRefusedError):
         inside(folder, name)
 
@@ -51,7 +51,7 @@ def test_nothing_else_is(folder: Path, name: str):
 @settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(st.sampled_from(["..", ".", "/", "\\", "files", "up", "link", "secret", "%2e", "\0", "é"]), max_size=8))
 def test_no_path_leads_outside(folder: Path, parts: list[str]):
-    """Whatever is put together, what is found lies inside."""
+    """Any combination of parts finds a file within the folder, or is refused."""
     try:
         found = inside(folder, "".join(parts))
     except FileRefusedError:
@@ -77,6 +77,6 @@ def test_no_path_leads_outside(folder: Path, parts: list[str]):
     ],
 )
 def test_only_what_carries_no_script_is_shown(name: str, kind: str, shown: bool):
-    """Everything else is bytes to download."""
+    """Only types without scripts are shown; all others are downloaded."""
     assert media_type(Path(name)) == kind
     assert is_shown(kind) == shown

@@ -1,6 +1,6 @@
-"""Malformed and hostile requests while a run goes on: the server answers everybody else, and the run notices nothing.
+"""Hostile requests during a run: the server serves others, and the run is not affected.
 
-The run is the one of ``conftest.py``, which must pass when these tests are through with its server.
+The run is that of ``conftest.py``, which must pass after these tests.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ TELLTALE = (b"Traceback", b'File "', b"site-packages", b"rtf/page", b"starlette"
 
 
 def calm(run: LiveRun, said: bytes = b"") -> bool:
-    """Whether nothing was given away, and the server still serves."""
+    """Return whether the response leaks nothing, and the server still serves."""
     assert not any(word in said for word in TELLTALE), said
     assert run.page.get("/facts").status == 200
     return True
 
 
 def head(run: LiveRun, line: str, *headers: str) -> bytes:
-    """A request of this line."""
+    """Return a request with this line."""
     return "\r\n".join([line, f"Host: {run.page.host}:{run.page.port}", *headers, "", ""]).encode("latin-1")
 
 
@@ -73,7 +73,7 @@ LINES = [
 
 @pytest.mark.parametrize("line", LINES, ids=range(len(LINES)))
 def test_request_lines(waiting: LiveRun, line: str):
-    """Refused or answered; never with what the server keeps for itself."""
+    """Hostile request lines are refused or answered, without internal data."""
     said = waiting.page.say(head(waiting, line), close=True)
     assert b"root:" not in said
     assert calm(waiting, said)
@@ -111,7 +111,7 @@ HEADERS = [
 
 @pytest.mark.parametrize("headers", HEADERS, ids=range(len(HEADERS)))
 def test_headers(waiting: LiveRun, headers: list[str]):
-    """Each of them to a place that looks at headers."""
+    """Hostile headers are refused or ignored."""
     for line in ("GET /events?after=x HTTP/1.1", "POST /control/stop HTTP/1.1", "GET /files/journal.jsonl HTTP/1.0"):
         assert calm(waiting, waiting.page.say(head(waiting, line, *headers), close=True))
 
@@ -129,7 +129,7 @@ def test_headers(waiting: LiveRun, headers: list[str]):
     ],
 )
 def test_chunked_nonsense(waiting: LiveRun, body: bytes):
-    """Bodies that do not end where they say."""
+    """Invalid chunked bodies are refused."""
     request = head(
         waiting,
         "POST /control/stop HTTP/1.1",
@@ -141,7 +141,7 @@ def test_chunked_nonsense(waiting: LiveRun, body: bytes):
 
 
 def test_pipelined_requests_are_answered_in_order(waiting: LiveRun):
-    """Also when nonsense follows, and when somebody goes on talking while a stream is sent."""
+    """Pipelined requests are answered, also before invalid bytes and during a stream."""
     said = waiting.page.say(head(waiting, "GET /facts HTTP/1.1") * 50 + b"nonsense\r\n\r\n", close=True)
     assert said.count(b"HTTP/1.1 200 OK") == 50
     assert calm(waiting, said)
@@ -153,13 +153,13 @@ def test_pipelined_requests_are_answered_in_order(waiting: LiveRun):
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.binary(max_size=400))
 def test_random_bytes(waiting: LiveRun, data: bytes):
-    """Alone, and after a beginning that looks right."""
+    """Random bytes are survived, also after a valid beginning."""
     assert calm(waiting, waiting.page.say(data, close=True))
     assert calm(waiting, waiting.page.say(b"POST /control/answer HTTP/1.1\r\nHost: " + data, close=True))
 
 
 def test_flipped_bytes_of_a_right_request(waiting: LiveRun):
-    """Requests that are almost good, without the right to control."""
+    """Damaged requests are survived."""
     luck = random.Random(7)
     right = (
         head(waiting, "POST /control/stop HTTP/1.1", "Content-Type: application/json", "Content-Length: 12")
@@ -173,7 +173,7 @@ def test_flipped_bytes_of_a_right_request(waiting: LiveRun):
 
 
 def test_connections_that_say_nothing_are_cut(waiting: LiveRun):
-    """Three hundred of them, and as many that say a byte now and then, keep nobody else out, and not for long."""
+    """Three hundred silent or slow connections are closed after a time, and others are served."""
     silent = [socket.create_connection((waiting.page.host, waiting.page.port), timeout=30) for _ in range(300)]
     half = head(waiting, "GET /facts HTTP/1.1")[:-2]
     for client in silent[::2]:
@@ -189,7 +189,7 @@ def test_connections_that_say_nothing_are_cut(waiting: LiveRun):
 
 
 def test_a_flood_of_connections_is_bounded(waiting: LiveRun):
-    """Beyond its limit the server turns connections away, and serves again when they are gone."""
+    """The number of connections has a limit; after a flood requests are served."""
     clients = []
     for _ in range(1200):
         try:
@@ -205,7 +205,7 @@ def test_a_flood_of_connections_is_bounded(waiting: LiveRun):
 
 
 def serves(run: LiveRun) -> bool:
-    """Whether a request is answered as it should be."""
+    """Return whether a request is answered."""
     try:
         return run.page.get("/facts").status == 200
     except ConnectionError:
@@ -213,7 +213,7 @@ def serves(run: LiveRun) -> bool:
 
 
 def test_half_open_connections_and_resets(waiting: LiveRun):
-    """Gone without a word, in the middle of a request or of an answer."""
+    """Connections that are reset at any point are survived."""
     for data in (
         b"",
         b"GET /",

@@ -1,4 +1,4 @@
-"""The journal as messages: every line once, in order, whatever the sizes and whenever it is read."""
+"""The journal as a stream of messages: each line once, in order, for any sizes and times."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def content(message: bytes) -> tuple[int, list[Any]]:
-    """Id and records of a message, which has the form that browsers read."""
+    """Return id and records of a message, and check its form."""
     head, data, *rest = message.split(b"\n")
     assert rest == [b"", b""]
     assert head.startswith(b"id: ")
@@ -26,7 +26,7 @@ def content(message: bytes) -> tuple[int, list[Any]]:
 
 
 def rest(journal: Feed, position: Position) -> tuple[list[Any], Position]:
-    """All records from a place on."""
+    """Return all records from a position on."""
     records: list[Any] = []
     while position.offset < journal.end.offset:
         said, position = journal.read(position)
@@ -45,7 +45,7 @@ SIZES = st.lists(
 @settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(sizes=SIZES, cuts=st.lists(st.integers(1, 200_000), min_size=1), data=st.data())
 def test_every_line_comes_once_and_in_order(tmp_path: Path, sizes: list[int], cuts: list[int], data: st.DataObject):
-    """However the file grows, a client that keeps up and one that comes back after any line get all of it."""
+    """Clients at any position get all lines once, however the file grows."""
     path = tmp_path / "journal"
     lines = [json.dumps({"n": number, "text": "x" * size}).encode() + b"\n" for number, size in enumerate(sizes)]
     whole = b"".join(lines)
@@ -67,7 +67,7 @@ def test_every_line_comes_once_and_in_order(tmp_path: Path, sizes: list[int], cu
 
 
 def test_a_torn_line_waits_for_its_end(tmp_path: Path):
-    """Half a line is no record; a browser that got it would have to stop there."""
+    """An incomplete line is sent when it is complete."""
     path = tmp_path / "journal"
     path.write_bytes(b'{"n":0}\n{"n":')
     journal = Feed(path)
@@ -81,7 +81,7 @@ def test_a_torn_line_waits_for_its_end(tmp_path: Path):
 
 
 def test_a_journal_that_does_not_exist_yet_is_an_empty_one(tmp_path: Path):
-    """The server may be quicker than the run."""
+    """A missing journal counts as empty."""
     journal = Feed(tmp_path / "journal")
     assert not journal.grow()
     (tmp_path / "journal").write_bytes(b"{}\n")
@@ -89,7 +89,7 @@ def test_a_journal_that_does_not_exist_yet_is_an_empty_one(tmp_path: Path):
 
 
 def test_the_same_bytes_serve_all_who_are_at_the_same_place(tmp_path: Path):
-    """A hundred clients cost one message."""
+    """Clients at the same position share one message."""
     path = tmp_path / "journal"
     path.write_bytes(b'{"n":0}\n')
     journal = Feed(path)
@@ -98,7 +98,7 @@ def test_the_same_bytes_serve_all_who_are_at_the_same_place(tmp_path: Path):
 
 
 def test_more_lines_than_there_are_means_the_end(tmp_path: Path):
-    """A client that followed another run before does not break this one."""
+    """A position beyond the end is the end."""
     path = tmp_path / "journal"
     path.write_bytes(b'{"n":0}\n')
     journal = Feed(path)
@@ -107,7 +107,7 @@ def test_more_lines_than_there_are_means_the_end(tmp_path: Path):
 
 
 def test_a_journal_that_shrinks_is_an_error_and_no_endless_loop(tmp_path: Path):
-    """Anyone who cut it off took away what clients were promised."""
+    """A journal that becomes shorter raises EOFError."""
     path = tmp_path / "journal"
     path.write_bytes(b'{"n":0}\n')
     journal = Feed(path)
@@ -122,7 +122,7 @@ def test_a_journal_that_shrinks_is_an_error_and_no_endless_loop(tmp_path: Path):
     [b"", b"\0\0\0\0", b"words", b"[1]", b'{"a":1}x', b'{"a":', b"data: x", b'{"a":"\r"}', b"\xff\xfe", b'{"a":NaN'],
 )
 def test_damaged_lines_damage_nothing_else(line: bytes):
-    """What a crash of the machine left in a journal becomes a record of no kind; its neighbours arrive."""
+    """A damaged line becomes a record of no kind, and its neighbours stay."""
     number, records = content(message(b'{"n":0}\n' + line + b'\n{"n":1}\n', 3))
     assert number == 3
     assert len(records) == 3
@@ -131,7 +131,7 @@ def test_damaged_lines_damage_nothing_else(line: bytes):
 
 @given(st.binary(max_size=200))
 def test_no_bytes_break_the_form_of_a_message(data: bytes):
-    """A journal cannot add fields or events to the stream."""
+    """No bytes of a journal can add fields or events to the stream."""
     lines = data.replace(b"\n", b"") + b"\n"
     said = message(lines, 1)
     assert said.count(b"\n") == 3

@@ -1,4 +1,4 @@
-"""Following a run: nothing is missed, nothing comes twice, and neither side takes the other down."""
+"""Following a run: nothing is missing or doubled, and run and server do not end each other."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Sleeping(TestCase):
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A folder with plug-ins and suites of them."""
+    """A folder with plug-ins and suites."""
     write_files(
         tmp_path,
         {
@@ -85,12 +85,12 @@ def folder(tmp_path: Path) -> Path:
 
 
 def journal_of(run: LiveRun) -> list[dict[str, Any]]:
-    """The records of a run's journal."""
+    """Return the records of a run's journal."""
     return [json.loads(line) for line in (run.run_folder / "journal.jsonl").read_text().splitlines()]
 
 
 def server_of(run: LiveRun) -> psutil.Process:
-    """The process that serves the page."""
+    """Return the process that serves the page."""
     (found,) = [
         child for child in psutil.Process(run.process.pid).children() if "rtf.page" in " ".join(child.cmdline())
     ]
@@ -104,7 +104,7 @@ def follow_to_end(page: Page) -> list[dict[str, Any]]:
 
 
 def follow_restlessly(page: Page, seed: int) -> list[dict[str, Any]]:
-    """Follow a run, going away and coming back all the time."""
+    """Follow a run with many disconnections."""
     luck = random.Random(seed)
     records: list[dict[str, Any]] = []
     while True:
@@ -123,7 +123,7 @@ def follow_restlessly(page: Page, seed: int) -> list[dict[str, Any]]:
 
 
 def test_nobody_misses_a_line_or_gets_one_twice(folder: Path):
-    """Clients that stay, that come late, and that come and go in mid-run all end with the journal, line for line."""
+    """Clients that stay, come late, or reconnect all get the whole journal once."""
     run = LiveRun(folder, "-s", "talking.xml", "--no-output", "--web-keep")  # who is away when it ends may come back
     with ThreadPoolExecutor(12) as pool:
         staying = [pool.submit(follow_to_end, run.page) for _ in range(3)]
@@ -142,7 +142,7 @@ def test_nobody_misses_a_line_or_gets_one_twice(folder: Path):
 
 
 def test_a_client_that_stalls_holds_nobody_up(folder: Path):
-    """One that never reads costs the server a bounded buffer; the run and everybody else go on."""
+    """A client that does not read costs a limited buffer, and delays nobody."""
     run = LiveRun(folder, "-s", "loud.xml", "--no-output")
     with socket.create_connection((run.page.host, run.page.port)) as stalled:
         stalled.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
@@ -160,7 +160,7 @@ def test_a_client_that_stalls_holds_nobody_up(folder: Path):
 
 
 def test_many_clients_at_once(folder: Path):
-    """A class of students, each with the page open."""
+    """150 clients can follow a run."""
     run = LiveRun(folder, "-s", "waiting.xml", "--no-output")
     streams = [run.page.follow() for _ in range(150)]
     for stream in streams:
@@ -176,7 +176,7 @@ def test_many_clients_at_once(folder: Path):
 
 
 def test_a_resumed_run_is_one_run_on_the_page(folder: Path):
-    """The journal goes on where it was torn off; a client that comes back gets what it lacks."""
+    """A client that returns to a resumed run gets the rest of the journal."""
     run = LiveRun(folder, "-s", "waiting.xml", "--no-output")
     with run.page.follow() as stream:
         stream.until(event="asked")
@@ -197,7 +197,7 @@ def test_a_resumed_run_is_one_run_on_the_page(folder: Path):
 
 
 def journal_of_whole_lines(run: LiveRun) -> list[bytes]:
-    """The lines of a journal that have an end."""
+    """Return the complete lines of a journal."""
     return (run.run_folder / "journal.jsonl").read_bytes().split(b"\n")[:-1]
 
 
@@ -205,7 +205,7 @@ def journal_of_whole_lines(run: LiveRun) -> list[bytes]:
 
 
 def test_the_server_ends_with_a_runner_that_is_killed(folder: Path):
-    """Clients still get what there is, and are told that no more will come."""
+    """After a kill of the runner clients get the rest and the end of the stream."""
     run = LiveRun(folder, "-s", "waiting.xml", "--no-output", "--web-keep")
     with run.page.follow() as stream:
         stream.until(event="asked")
@@ -217,7 +217,7 @@ def test_the_server_ends_with_a_runner_that_is_killed(folder: Path):
 
 @pytest.mark.parametrize("signum", [signal.SIGKILL, signal.SIGSEGV, signal.SIGTERM])
 def test_a_server_that_dies_changes_nothing(folder: Path, signum: signal.Signals):
-    """The run goes on, says so, and comes to its verdict."""
+    """If the server dies, the run reports it and goes on."""
     run = LiveRun(folder, "-s", "gated.xml", "--no-output")
     with run.page.follow() as stream:
         stream.until(event="test_started")
@@ -230,7 +230,7 @@ def test_a_server_that_dies_changes_nothing(folder: Path, signum: signal.Signals
 
 
 def test_a_short_run_is_not_held_up(folder: Path):
-    """A run that is over before the server is up ends without waiting for it."""
+    """A run that ends before the server is up does not wait for it."""
     write_files(folder, {"quick__py": TALKING.replace("400", "1").replace("200_000", "1")})
     for _ in range(3):
         run = LiveRun(folder, "-t", "quick.py", "--no-output")
@@ -243,7 +243,7 @@ def test_a_short_run_is_not_held_up(folder: Path):
 
 
 def test_stop_after_the_running_test(folder: Path):
-    """Stage 1: what runs comes to its end, nothing else begins, and the record says who wanted it."""
+    """Stage 1 lets the running test end, starts no other, and is recorded with its source."""
     run = LiveRun(folder, "-s", "waiting.xml", "--no-output")
     with run.page.follow() as stream:
         stream.until(event="asked")
@@ -258,7 +258,7 @@ def test_stop_after_the_running_test(folder: Path):
 
 
 def test_stop_now(folder: Path):
-    """Stage 2: what runs is stopped; asked for twice it is the same."""
+    """Stage 2 stops the running test, also if it is requested twice."""
     run = LiveRun(folder, "-s", "sleeping.xml", "--no-output", "--web-keep")
     with run.page.follow() as stream:
         stream.until(event="message", detail="asleep")
@@ -273,7 +273,7 @@ def test_stop_now(folder: Path):
 
 
 def test_the_first_answer_counts(folder: Path):
-    """Two people answer at once: one is told that it counted, all others that it did not."""
+    """Of several answers the first counts, and the others get an error."""
     run = LiveRun(folder, "-s", "waiting.xml", "--no-output", "-k", "waiting", "--web-keep")
     with run.page.follow() as stream, ThreadPoolExecutor(8) as pool:
         stream.until(event="asked")
@@ -294,7 +294,7 @@ def test_the_first_answer_counts(folder: Path):
 
 @pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM])
 def test_the_page_stays_until_it_is_ended(folder: Path, signum: signal.Signals):
-    """``--web-keep``: everything is there, nothing is taken any more, and the exit code is that of the run."""
+    """With ``--web-keep`` the page stays without control, and the exit code is that of the run."""
     run = LiveRun(folder, "-s", "talking.xml", "--no-output", "-k", "b", "--web-keep")
     page = run.page
     with page.follow() as stream:
@@ -317,7 +317,7 @@ def test_the_page_stays_until_it_is_ended(folder: Path, signum: signal.Signals):
 
 
 def test_a_page_that_stays_ends_when_its_server_does(folder: Path):
-    """There is nothing left to wait for."""
+    """A kept page ends with its server."""
     run = LiveRun(folder, "-s", "talking.xml", "--no-output", "-k", "b", "--web-keep")
     while "stays" not in run.line():
         pass
@@ -327,14 +327,14 @@ def test_a_page_that_stays_ends_when_its_server_does(folder: Path):
 
 
 def test_the_run_leaves_the_archived_page(folder: Path):
-    """What was seen live is there as a file, in the run's folder."""
+    """The run writes the archived page into its folder."""
     run = LiveRun(folder, "-s", "talking.xml", "--no-output", "-k", "b")
     assert run.wait().exit_code == ExitCode.PASSED
     assert (run.run_folder / "report.html").read_bytes().startswith(b"<!doctype html>")
 
 
 def test_everything_that_was_said_is_in_the_last_records(folder: Path):
-    """The stream ends with what the run ended with, not before."""
+    """The stream ends with the end of the run."""
     run = LiveRun(folder, "-s", "talking.xml", "--no-output", "-k", "b")
     with run.page.follow() as stream:
         last = stream.until_end()[-1]

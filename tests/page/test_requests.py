@@ -1,4 +1,4 @@
-"""What a browser asks while a run goes on, request by request."""
+"""Requests of a browser during a run."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def test_the_page_and_its_files_are_served_as_they_are(waiting: LiveRun):
-    """With the type browsers insist on; nothing beside the page's own files."""
+    """The page's files are served with their types, and no others."""
     assert waiting.page.get("/").headers["content-type"] == "text/html; charset=utf-8"
     for path in page_folder().glob("*.js"):
         answer = waiting.page.get(f"/{path.name}")
@@ -28,7 +28,7 @@ def test_the_page_and_its_files_are_served_as_they_are(waiting: LiveRun):
 
 
 def test_the_facts(waiting: LiveRun):
-    """What the page must know first."""
+    """The facts have mode, control, comparison, history and run."""
     facts = waiting.page.get("/facts").json
     assert facts == {
         "mode": "live",
@@ -40,12 +40,12 @@ def test_the_facts(waiting: LiveRun):
 
 
 def test_status_has_the_cpp_framework_two_keys(waiting: LiveRun):
-    """Scripts that ask for it keep working."""
+    """The status has the two keys of the C++ framework."""
     assert waiting.page.get("/status").json == {"name": "waiting", "testStatus": [1, 0]}
 
 
 def test_a_latecomer_gets_everything_and_who_comes_back_the_rest(waiting: LiveRun):
-    """By the header browsers send, and by the query for everybody else."""
+    """A client gets all events, or those after the position in its header or query."""
     journal = [json.loads(line) for line in (waiting.run_folder / "journal.jsonl").read_text().splitlines()]
     assert journal[-1]["event"] == "asked"
 
@@ -73,17 +73,17 @@ def test_a_latecomer_gets_everything_and_who_comes_back_the_rest(waiting: LiveRu
 
 @pytest.mark.parametrize("after", ["-1", "x", "1.5", "٣", "1" * 400, " ", "0x1"])
 def test_a_place_that_is_none_is_refused(waiting: LiveRun, after: str):
-    """No guess is made about where a client left."""
+    """An invalid position is refused."""
     assert waiting.page.get(f"/events?after={quote(after)}").status == 400
 
 
 def test_events_have_a_head(waiting: LiveRun):
-    """HEAD does not wait for the end of the run."""
+    """A HEAD request is answered without waiting for events."""
     assert waiting.page.ask("HEAD", "/events").headers["content-type"].startswith("text/event-stream")
 
 
 def test_files_of_the_run_are_shown_or_kept(waiting: LiveRun):
-    """Pictures and text to look at, everything else to download, and none of it as a page."""
+    """Images and text are shown, other files downloaded, all of them sandboxed."""
     folder = waiting.run_folder / "files"
     folder.mkdir(exist_ok=True)
     (folder / "a b.png").write_bytes(b"\x89PNG")
@@ -111,7 +111,7 @@ def test_files_of_the_run_are_shown_or_kept(waiting: LiveRun):
     ],
 )
 def test_no_path_leads_out_of_the_run(waiting: LiveRun, path: str):
-    """However it is written; nor to the server's own log."""
+    """Paths out of the run's folder are refused in any encoding, and so is the server's log."""
     for place in ("files", "series"):
         answer = waiting.page.get(f"/{place}/{path}")
         assert answer.status == 404
@@ -119,7 +119,7 @@ def test_no_path_leads_out_of_the_run(waiting: LiveRun, path: str):
 
 
 def test_a_series_is_sent_packed(waiting: LiveRun):
-    """As ``docs/page.md`` has it; what is no series is reported."""
+    """A series is sent in the documented binary form; a file that is none is refused."""
     folder = waiting.run_folder / "files"
     folder.mkdir(exist_ok=True)
     np.savez(folder / "elbow.npz", t=np.arange(3.0), position=np.array([1.0, np.nan, 3.0]))

@@ -1,4 +1,4 @@
-"""Recorded series for plots: no peak is lost, nothing unsafe is loaded, and the browser reads what was recorded."""
+"""Recorded series for plots: extremes are kept, nothing unsafe is loaded, and numbers are exact."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from rtf.testing.events import SeriesRecorded
 
 
 def unpack(data: bytes) -> tuple[list[list[float]], bool]:
-    """What the browser makes of it."""
+    """Return columns and flag of a packed series, as the browser reads it."""
     count, rows, thinned = struct.unpack_from("<III", data)
     assert len(data) == 12 + 8 * count * rows
     values = np.frombuffer(data, "<f8", offset=12).reshape(count, rows)
@@ -30,14 +30,14 @@ def unpack(data: bytes) -> tuple[list[list[float]], bool]:
 
 
 def written(folder: Path, **columns: Any) -> Path:
-    """An ``.npz`` file."""
+    """Write an ``.npz`` file."""
     path = folder / "series.npz"
     np.savez(path, **columns)
     return path
 
 
 def test_what_a_test_records_is_what_the_browser_gets(tmp_path: Path):
-    """From ``record`` to the plot: the same numbers, the axis first."""
+    """The browser gets the numbers that the test recorded, the axis first."""
     test = """
 from rtf.testing import TestCase
 class Recording(TestCase):
@@ -62,7 +62,7 @@ FLOATS = st.floats(allow_nan=True, allow_infinity=True, width=64)
     data=st.data(),
 )
 def test_thinning_out_keeps_every_extreme_and_the_order(rows: int, limit: int, data: st.DataObject):
-    """Smallest and greatest value of each column stay, rows stay rows, and there are few of them."""
+    """Thinning keeps the extremes of each column, and whole rows in order."""
     count = data.draw(st.integers(1, 3))
     columns = tuple(data.draw(hnp.arrays(np.float64, rows, elements=FLOATS)) for _ in range(count))
     axis = np.arange(rows, dtype=float)
@@ -81,7 +81,7 @@ def test_thinning_out_keeps_every_extreme_and_the_order(rows: int, limit: int, d
 
 
 def test_a_peak_of_one_sample_among_a_million_is_seen():
-    """What a plot is looked at for."""
+    """A peak of one sample among a million is kept."""
     position = np.zeros(1_000_000)
     position[765_432] = 5.0
     thinned = thin_out(Series(("t", "position"), (np.arange(1e6), position)))
@@ -91,20 +91,20 @@ def test_a_peak_of_one_sample_among_a_million_is_seen():
 
 
 class Evil:
-    """What a pickle would run."""
+    """An object whose pickle would run code."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         return (Path.touch, (Path("/tmp/rtf-evil"),))
 
 
 def lying(shape: str) -> bytes:
-    """An array that says it is larger than it is."""
+    """Return an array whose header claims a wrong size."""
     header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".encode().ljust(117) + b"\n"
     return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header + b"\0" * 16
 
 
 def zipped(**members: bytes) -> bytes:
-    """An archive of such members."""
+    """Return an archive with these members."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
         for name, content in members.items():
@@ -125,7 +125,7 @@ def zipped(**members: bytes) -> bytes:
     ],
 )
 def test_what_is_no_series_is_refused(tmp_path: Path, columns: dict[str, Any], said: str):
-    """Only rows of numbers are plotted; nothing else is as much as loaded."""
+    """Only rows of numbers are accepted, and pickles are not loaded."""
     with pytest.raises(SeriesError, match=said):
         read(written(tmp_path, **columns))
     assert not Path("/tmp/rtf-evil").exists()
@@ -145,7 +145,7 @@ def test_what_is_no_series_is_refused(tmp_path: Path, columns: dict[str, Any], s
     ],
 )
 def test_broken_files_are_refused_and_named(tmp_path: Path, content: bytes, said: str):
-    """A file that was cut off, or made up, costs no memory and is reported."""
+    """A damaged file raises SeriesError with its name, without using memory."""
     path = tmp_path / "broken.npz"
     path.write_bytes(content)
     with pytest.raises(SeriesError, match=said) as caught:
@@ -154,7 +154,7 @@ def test_broken_files_are_refused_and_named(tmp_path: Path, content: bytes, said
 
 
 def test_a_file_that_unfolds_without_end_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """A small file may hold a terabyte of zeros."""
+    """A file that unpacks beyond the limit is refused."""
     monkeypatch.setattr(series, "MAX_BYTES", 1 << 22)
     path = tmp_path / "bomb.npz"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("t.npy", "w") as stream:
@@ -167,7 +167,7 @@ def test_a_file_that_unfolds_without_end_is_refused(tmp_path: Path, monkeypatch:
 @settings(max_examples=100, deadline=None)
 @given(place=st.integers(0, 10_000), byte=st.integers(0, 255))
 def test_a_flipped_byte_is_refused_or_harmless(tmp_path_factory: pytest.TempPathFactory, place: int, byte: int):
-    """Damage of any kind ends in SeriesError or in numbers."""
+    """A damaged file gives numbers, or raises SeriesError."""
     path = written(tmp_path_factory.mktemp("flip"), t=np.arange(20.0), x=np.arange(20.0))
     content = bytearray(path.read_bytes())
     content[place % len(content)] = byte

@@ -1,4 +1,4 @@
-"""The short answer for scripts: the C++ framework's two keys with the C++ framework's numbers."""
+"""The status for scripts, with the keys and numbers of the C++ framework."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def test_the_numbers_follow_the_run(tmp_path: Path):
-    """0 not run, 1 running, 2 failed, 3 passed; the name is the running test's, or its suite's."""
+    """The status has 0 not run, 1 running, 2 failed, 3 passed, and the running test's or suite's name."""
     path = tmp_path / "journal"
     status = Status(path)
     assert status.read() == {"name": "", "testStatus": []}
@@ -44,7 +44,7 @@ def test_the_numbers_follow_the_run(tmp_path: Path):
 
 
 def test_every_verdict_of_a_run_has_its_number(tmp_path: Path):
-    """From a real journal."""
+    """Every verdict of a real journal has its number."""
     bodies = {"good": "self.check(True, 'yes')", "bad": "self.check(False, 'no')", "skipped": "self.skip('nothing')"}
     head = "from rtf.testing import TestCase\nclass T(TestCase):\n    def run(self):\n        "
     xml = "<test>good.py</test><test>bad.py</test><test>skipped.py</test>"

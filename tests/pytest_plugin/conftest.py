@@ -1,4 +1,4 @@
-"""pytest as a process of its own, in a folder with suites, with this plug-in and no other that was not asked for."""
+"""Sessions of pytest in processes, in a folder with suites, with this plug-in and requested ones only."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ class Robot(FixtureManager):
 
 @dataclass
 class Finished:
-    """What a session of pytest came to."""
+    """The result of a session of pytest."""
 
     exit_code: int
     out: str
@@ -122,27 +122,27 @@ class Finished:
 
     @property
     def summary(self) -> list[str]:
-        """The lines of the short summary and below."""
+        """The lines of the short summary."""
         return self.out.partition("short test summary info")[2].splitlines()[1:]
 
     @property
     def last_line(self) -> str:
-        """The line of the counts."""
+        """The line with the counts."""
         return self.out.rstrip().rpartition("\n")[2].strip("= ")
 
     def line(self, start: str) -> str:
-        """The one line of the short summary that begins so."""
+        """Return the one line of the short summary with this beginning."""
         (found,) = [line for line in self.summary if line.startswith(start)]
         return found
 
     def cases(self, name: str = "junit.xml") -> dict[str, ET.Element]:
-        """The cases of the JUnit file by name."""
+        """Return the cases of the JUnit file by name."""
         root = ET.parse(self.folder / name).getroot()
         return {case.get("name", ""): case for case in root.iter("testcase")}
 
 
 class Session:
-    """A session of pytest that is under way."""
+    """A running session of pytest."""
 
     def __init__(self, folder: Path, *arguments: str, **environment: str) -> None:
         self.folder = folder
@@ -159,14 +159,14 @@ class Session:
         )
 
     def wait(self, timeout: float = 60.0) -> Finished:
-        """Wait for its end, and read its record, if it has one."""
+        """Wait for the end, and read the run's journal if there is one."""
         out, _ = self.process.communicate(timeout=timeout)
         run = self.folder / "rtf-runs" / "latest"
         events, results = read_back(run) if run.exists() else ([], None)
         return Finished(self.process.returncode, out, self.folder, events, results)
 
     def wait_until(self, condition: Callable[[], bool], timeout: float = 30.0) -> None:
-        """Wait until something holds, as long as the session lives."""
+        """Wait until a condition holds, while the session runs."""
         deadline = clock.Deadline.after(timeout)
         while not condition():
             assert self.process.poll() is None, self.process.communicate()[0]
@@ -174,11 +174,11 @@ class Session:
             clock.sleep(0.005)
 
     def interrupt(self, signum: int = signal.SIGINT) -> None:
-        """Send the session, and nobody else, a signal."""
+        """Send a signal to the session's process only."""
         self.process.send_signal(signum)
 
     def left_over(self, timeout: float = 15.0) -> list[psutil.Process]:
-        """Its processes that are still there; given a moment to be gone."""
+        """Return the remaining processes after a short time."""
         deadline = clock.Deadline.after(timeout)
         while (found := marked(self.mark)) and not deadline.expired:
             clock.sleep(0.01)
@@ -186,7 +186,7 @@ class Session:
 
 
 class Lab:
-    """A folder with plug-ins and suites, in which sessions are run."""
+    """A folder with plug-ins and suites for sessions."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -197,7 +197,7 @@ class Lab:
         write_files(self.folder, files)
 
     def suite(self, inside: str, name: str = "s", attributes: str = "") -> str:
-        """Write a suite file, and say its name."""
+        """Write a suite file, and return its name."""
         file = f"{name}.xml"
         text = f'<suite name="{name}" {attributes}>\n{inside}\n</suite>\n'
         (self.folder / file).write_text(text, encoding="utf-8")
@@ -213,7 +213,7 @@ class Lab:
 
     @property
     def log(self) -> list[str]:
-        """What happened to the robot."""
+        """The notes of the robot fixture."""
         path = self.folder / "robot.log"
         return path.read_text().split() if path.exists() else []
 

@@ -1,4 +1,4 @@
-"""Which files are collected as suites, what their tests are called, and that nothing happens where there is none."""
+"""Collecting suites: which files are collected, the names of their tests, and no effect without suites."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ FINE = '<test name="a fine one"> Fine </test>'
     ],
 )
 def test_suite_is_known_by_its_root_element(tmp_path, text):
-    """Whatever may stand before it, the first element decides; case makes no difference, as when it is loaded."""
+    """A file is a suite by its root element, in any case, whatever precedes it."""
     file = tmp_path / "s.xml"
     file.write_text(text, encoding="utf-8")
     assert is_suite(file)
 
 
 def test_suite_in_sixteen_bits_is_known(tmp_path):
-    """A file that the loader can read is recognised."""
+    """A suite in UTF-16 is recognized."""
     file = tmp_path / "s.xml"
     file.write_text("<suite/>", encoding="utf-16")
     assert is_suite(file)
@@ -46,14 +46,14 @@ def test_suite_in_sixteen_bits_is_known(tmp_path):
     ["", "<suites/>", "<testsuite/>", "<suite:x/>", "<robot><suite/></robot>", "<!-- <suite> -->", "suite", "\0"],
 )
 def test_other_files_are_none(tmp_path, text):
-    """A file that merely ends in .xml is left to others."""
+    """Another XML file is not collected."""
     file = tmp_path / "s.xml"
     file.write_text(text, encoding="utf-8")
     assert not is_suite(file)
 
 
 def test_folder_and_missing_file_are_none(tmp_path):
-    """What cannot be read is no suite, and no error."""
+    """A folder or missing file is no suite, without an error."""
     assert not is_suite(tmp_path)
     assert not is_suite(tmp_path / "gone.xml")
 
@@ -61,7 +61,7 @@ def test_folder_and_missing_file_are_none(tmp_path):
 @settings(deadline=None)
 @given(st.binary(max_size=300))
 def test_any_bytes_are_looked_at_without_harm(tmp_path_factory, data):
-    """No file makes the look at it fail."""
+    """Any bytes are checked without an exception."""
     file = tmp_path_factory.getbasetemp() / "any.xml"
     file.write_bytes(data)
     assert is_suite(file) in (True, False)
@@ -70,7 +70,7 @@ def test_any_bytes_are_looked_at_without_harm(tmp_path_factory, data):
 @settings(deadline=None)
 @given(st.text(min_size=1, max_size=30))
 def test_marker_of_a_tag_can_be_selected(text):
-    """Whatever a tag is, ``-m`` can read the name of its marker."""
+    """The marker of any tag can be selected by ``-m``."""
     from _pytest.mark.expression import Expression
 
     name = marker_name(text)
@@ -79,7 +79,7 @@ def test_marker_of_a_tag_can_be_selected(text):
 
 
 def test_named_file_is_collected_and_nothing_is_run(lab):
-    """Its tests have the names of the suite; ``--collect-only`` leaves no trace."""
+    """A named suite is collected; ``--collect-only`` leaves no files."""
     finished = lab.run(lab.suite(FINE), "--collect-only", "-q")
     assert finished.out.splitlines()[0] == "s.xml::a-fine-one"
     assert not (lab.folder / "rtf-runs").exists()
@@ -87,7 +87,7 @@ def test_named_file_is_collected_and_nothing_is_run(lab):
 
 @pytest.mark.parametrize(("arguments", "expected"), [((), 5), (("--rtf",), 0), (("-o", "rtf_suites=true"), 0)])
 def test_folders_have_suites_only_where_that_was_asked_for(lab, arguments, expected):
-    """With RTF in the environment a folder with suites is what it was without; XML that is no suite always is."""
+    """Suites in folders are collected only with the option; other XML files never are."""
     lab.suite(FINE)
     lab.write(report__xml="<testsuites/>")
     finished = lab.run("--collect-only", "-q", *arguments)
@@ -97,7 +97,7 @@ def test_folders_have_suites_only_where_that_was_asked_for(lab, arguments, expec
 
 
 def test_errors_of_a_file_are_told_like_a_compilers(lab):
-    """A suite that is not what was meant is not collected; every error has its place, and no traceback is shown."""
+    """Errors of a suite are reported with their places, and it is not collected."""
     lab.write(bad__xml='<suite name="s">\n  <test name="a" retrys="2"> Fine </test>\n  <test name="b"/>\n</suite>\n')
     finished = lab.run("bad.xml")
     assert finished.exit_code == pytest.ExitCode.INTERRUPTED
@@ -107,14 +107,14 @@ def test_errors_of_a_file_are_told_like_a_compilers(lab):
 
 
 def test_doubts_about_a_file_are_warnings(lab):
-    """What is probably not meant is told, and the suite is run."""
+    """Warnings of a suite are pytest's warnings, and it runs."""
     finished = lab.run(lab.suite('<test name="a" reason="none"> Fine </test>'))
     assert finished.exit_code == 0, finished.out
     assert "SuiteFileWarning: s.xml:2:" in finished.out
 
 
 def test_leniently_a_file_of_its_own_words_is_run(lab):
-    """What no suite knows is a warning then."""
+    """With the lenient option unknown attributes are warnings."""
     suite = lab.suite('<test name="a" retrys="2"> Fine </test>')
     assert lab.run(suite, "--collect-only").exit_code == pytest.ExitCode.INTERRUPTED
     for lenient in (["--rtf-lenient"], ["-o", "rtf_lenient=true"]):
@@ -136,7 +136,7 @@ class Turn(Nod): matrix = None
 
 
 def test_matrices_and_classes_are_items_with_the_ids_of_pytest(lab):
-    """As parametrized functions are; they can be selected by ``-k``, and ``--rtf-set`` varies nothing any more."""
+    """Matrices and classes are items with pytest's ids, selected by ``-k``."""
     lab.write(nod__py=NOD)
     suite = lab.suite('<test class="Nod"> nod.py </test><test name="both"> nod.py </test>')
     listed = lab.run(suite, "--collect-only", "-q").out.split("\n\n")[0].splitlines()
@@ -150,7 +150,7 @@ HOSTILE = ("twice", "twice", "a::b", "x[1]", "line&#10;end", "()", "&lt;script&g
 
 
 def test_hostile_names_are_unique_and_can_be_selected(lab):
-    """Every test can be named on the command line as it is listed."""
+    """Each listed id is unique and can be selected, whatever the name."""
     lab.suite("".join(f'<test name="{name}"> Fine </test>' for name in HOSTILE))
     listed = lab.run("s.xml", "--collect-only", "-q").out.split("\n\n")[0].splitlines()
     assert len({*listed}) == len(HOSTILE)
@@ -161,7 +161,7 @@ def test_hostile_names_are_unique_and_can_be_selected(lab):
 
 
 def test_tags_are_markers(lab):
-    """Tags select with ``-m`` and are known; one that is called like a marker of pytest's is a word, and no order."""
+    """Tags are registered markers; a tag named like a marker of pytest gets a prefix."""
     lab.suite(f'<test name="arm"> Measures </test>{FINE}', attributes='tags="bench"')
     quick = lab.run("s.xml", "--strict-markers", "-m", "quick and bench")
     assert quick.last_line.startswith("1 passed, 1 deselected")
@@ -180,14 +180,14 @@ def test_tags_are_markers(lab):
     ],
 )
 def test_wrong_values_are_refused_before_anything_runs(lab, arguments, said):
-    """The message names the option, the value and the hint."""
+    """An invalid option is refused with option, value and hint."""
     finished = lab.run(lab.suite(FINE), *arguments)
     assert finished.exit_code == pytest.ExitCode.USAGE_ERROR
     assert f"ERROR: {said}" in finished.out
 
 
 def test_sessions_without_suites_load_nothing(pytester: pytest.Pytester, monkeypatch):
-    """Beside other tests the plug-in is one small module: nothing else of RTF is imported."""
+    """Without suites only the small module of the plug-in is loaded."""
     monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
     pytester.makepyfile(
         """
@@ -204,7 +204,7 @@ def test_sessions_without_suites_load_nothing(pytester: pytest.Pytester, monkeyp
 
 
 def test_suites_and_python_tests_are_one_session(pytester: pytest.Pytester, monkeypatch):
-    """A suite stands beside a module, and both count."""
+    """A suite and a Python module run in one session."""
     monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
     plug = "from rtf.testing import TestCase\nclass Plug(TestCase):\n    def run(self): self.check(True, 'fine')"
     pytester.makepyfile(test_one="def test_one(): pass", plug=plug)

@@ -1,4 +1,4 @@
-"""What befalls a suite's fixtures, as pytest tells of it."""
+"""A suite's fixtures in pytest's reports."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ FINE = '<test name="a"> Fine </test><test name="b"> Fine </test>'
 
 
 def test_fixture_that_does_not_come_up_is_an_error_of_the_setup(lab):
-    """The tests that stand on it are errors before they began, with the reason; others are run."""
+    """A failed fixture is an error in the setup of its tests; others run."""
     lab.write(
         broken__py="from rtf.testing import FixtureManager\nclass Broken(FixtureManager):\n    def setup(self): 1 / 0\n"
     )
@@ -35,7 +35,7 @@ class Killer(TestCase):
 
 
 def test_collapse_is_got_over_and_told(lab):
-    """The fixture is restarted, the test is run again and passes, and a warning, a section and a property tell."""
+    """After a collapse the test is run again, with a warning, a section and a property."""
     lab.write(killer__py=DIES_ONCE)
     lab.suite('<fixture name="robot" backoff="0" check-period="0.1"> Robot </fixture><test name="k"> killer.py </test>')
     finished = lab.run("s.xml", "-rA", "--junit-xml=junit.xml")
@@ -48,7 +48,7 @@ def test_collapse_is_got_over_and_told(lab):
 
 
 def test_teardown_that_goes_wrong_is_an_error_of_the_last_test(lab):
-    """What nobody would see otherwise makes the session fail, in the author's words and without our frames."""
+    """A failed teardown of a fixture is an error of the last test, without internal frames."""
     begin = "from rtf.testing import FixtureManager\nclass Stuck(FixtureManager):\n"
     lab.write(stuck__py=f"{begin}    def teardown(self): raise OSError('brake')\n")
     finished = lab.run(lab.suite(f'<fixture name="stuck"> stuck.py </fixture>{FINE}'))
@@ -59,7 +59,7 @@ def test_teardown_that_goes_wrong_is_an_error_of_the_last_test(lab):
 
 
 def test_fixture_is_watched_while_pytest_is_busy(lab):
-    """A collapse between two tests is noticed while it happens, not when the next test needs the fixture."""
+    """A collapse between two tests is noticed at once."""
     lab.write(
         conftest__py=(
             "import time, pathlib\n"

@@ -1,4 +1,4 @@
-"""Ctrl-C and worse at any moment: fixtures come down, the record is closed, and no process is left."""
+"""Interrupts at any moment: fixtures are torn down, the journal is closed, and no process is left."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ SUITE = '<fixture name="robot"> Robot </fixture><test name="slow"> Hangs </test>
 
 
 def running(lab):
-    """Whether the test that never ends has begun."""
+    """Return a function that tells whether the endless test has begun."""
     return (lab.folder / "running").exists
 
 
 def test_interrupt_stops_the_test_and_takes_everything_down(lab):
-    """The test's teardown runs, the fixture comes down, the record is closed, and pytest says what it always says."""
+    """An interrupt stops the test with its teardown, tears the fixture down, and closes the journal."""
     session = lab.start(lab.suite(SUITE))
     session.wait_until(running(lab))
     session.interrupt()
@@ -51,7 +51,7 @@ class Stubborn(TestCase):
 
 
 def test_second_interrupt_kills_what_does_not_react(lab):
-    """Who presses Ctrl-C again need not wait for the patience with a test; the fixture still comes down."""
+    """A second interrupt kills a test that does not react, and the fixture is torn down."""
     lab.write(stubborn__py=STUBBORN)
     session = lab.start(lab.suite('<fixture name="robot"> Robot </fixture><test name="s"> stubborn.py </test>'))
     session.wait_until(running(lab))
@@ -67,7 +67,7 @@ def test_second_interrupt_kills_what_does_not_react(lab):
 
 
 def test_interrupt_while_a_fixture_comes_up(lab):
-    """What was begun is undone; no test was begun."""
+    """An interrupted setup is torn down, and no test begins."""
     begin = "import threading\nfrom pathlib import Path\nfrom rtf.testing import FixtureManager\n"
     lab.write(
         slow__py=f"{begin}class Slow(FixtureManager):\n"
@@ -86,7 +86,7 @@ def test_interrupt_while_a_fixture_comes_up(lab):
 
 @pytest.mark.parametrize("signum", [signal.SIGTERM, signal.SIGKILL], ids=lambda signum: signum.name)
 def test_nothing_is_left_of_a_session_that_was_killed(lab, signum):
-    """Even then the fixture is torn down, and every process ends."""
+    """After a kill of the session the fixture is torn down, and every process ends."""
     session = lab.start(lab.suite(SUITE))
     session.wait_until(running(lab))
     session.interrupt(signum)
@@ -97,7 +97,7 @@ def test_nothing_is_left_of_a_session_that_was_killed(lab, signum):
 
 
 def test_interrupt_between_tests_takes_everything_down(lab):
-    """Where no robot test runs, the interrupt is pytest's alone; the fixtures that are up come down all the same."""
+    """An interrupt between tests tears the fixtures down."""
     lab.write(
         conftest__py=(
             "import pytest\n"
@@ -116,7 +116,7 @@ def test_interrupt_between_tests_takes_everything_down(lab):
 
 
 def test_interrupt_reaches_the_workers(lab):
-    """With pytest-xdist the workers take down what they have up before they end."""
+    """With pytest-xdist an interrupt tears down the workers' fixtures."""
     lab.write(conftest__py="from xdist.workermanage import NodeManager\nNodeManager.EXIT_TIMEOUT = 2\n")  # 10 otherwise
     session = lab.start(lab.suite(SUITE), "-p", "xdist", "-n", "2")
     session.wait_until(running(lab))

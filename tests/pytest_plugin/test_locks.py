@@ -1,4 +1,4 @@
-"""Which suites wait for each other where tests are spread over several workers."""
+"""Locks of fixtures among several workers."""
 
 import fcntl
 
@@ -11,7 +11,7 @@ ROBOT, FIRST, SECOND = Use("robot", ""), Use("robot", "--x 1"), Use("robot", "--
 
 
 def exclude(one, other):
-    """Whether one has to wait while the other is up: both want a place, and not both would share it."""
+    """Return whether two suites exclude each other."""
     first, second = locks_of(one), locks_of(other)
     return any(fcntl.LOCK_EX in (first[place], second[place]) for place in first.keys() & second.keys())
 
@@ -29,6 +29,6 @@ def exclude(one, other):
     ],
 )
 def test_two_fixtures_of_a_plug_in_are_two_only_with_params_that_differ(one, other, wait):
-    """As with suite workers; a robot may be written in two ways."""
+    """Fixtures of one plug-in exclude each other unless their params differ, as with suite workers."""
     assert exclude(one, other) is wait
     assert exclude(other, one) is wait

@@ -1,4 +1,4 @@
-"""Items one at a time: selection, order, stopping early, options, and the record of it all."""
+"""Running items: selection, order, early ends, options, and the journal."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ FIXTURE = '<fixture name="robot" backoff="0"> Robot </fixture>'
 
 
 def verdicts(finished) -> dict[str, Verdict]:
-    """What the record says, by the last part of the ids."""
+    """Return the verdicts of the journal by the last part of the ids."""
     return {test.id.rpartition("/")[2]: test.verdict for test in finished.results.tests.values()}
 
 
 def test_selection_is_pytests(lab):
-    """Only what was selected is planned, so that the record does not speak of tests that nobody wanted."""
+    """Only selected tests are planned."""
     finished = lab.run(lab.suite(ARMS), "-k", "right or s/head")
     assert finished.last_line.startswith("2 passed, 1 deselected")
     assert verdicts(finished) == {"right": Verdict.PASSED, "head": Verdict.PASSED}
 
 
 def test_stopping_at_the_first_failure_takes_fixtures_down(lab):
-    """After ``-x`` nothing more is started, fixtures come down, and the record says what was not run."""
+    """``-x`` starts nothing more, tears fixtures down, and records tests as not run."""
     finished = lab.run(lab.suite(FIXTURE + ARMS), "-x")
     assert finished.last_line.startswith("1 failed")
     assert verdicts(finished) == {"left": Verdict.FAILED, "right": Verdict.NOT_RUN, "head": Verdict.NOT_RUN}
@@ -37,7 +37,7 @@ def test_stopping_at_the_first_failure_takes_fixtures_down(lab):
 
 
 def test_last_failed_are_run_again(lab):
-    """``--lf`` knows the tests of suites by their ids."""
+    """``--lf`` selects failed tests of suites."""
     lab.suite(ARMS)
     lab.run("s.xml", "-p", "cacheprovider")
     again = lab.run("s.xml", "-p", "cacheprovider", "--lf")
@@ -46,7 +46,7 @@ def test_last_failed_are_run_again(lab):
 
 
 def test_any_order_keeps_fixtures_apart(lab):
-    """When suites are mixed, the fixtures of one are down before the next one's come up."""
+    """In any order the fixtures of one suite are down before those of the next are up."""
     lab.write(conftest__py="def pytest_collection_modifyitems(items): items[:] = items[::2] + items[1::2]")
     for name in ("one", "two"):
         lab.suite(
@@ -58,14 +58,14 @@ def test_any_order_keeps_fixtures_apart(lab):
 
 
 def test_fixture_is_set_up_once_a_suite(lab):
-    """It is up for all tests of the suite, and down before what comes after it."""
+    """A fixture is up for all tests of its suite, and down before the next file."""
     lab.write(test_after__py="def test_log(): assert open('robot.log').read().split() == ['up', 'down']")
     finished = lab.run(lab.suite(FIXTURE + ARMS.replace("Measures", "Fine")), "test_after.py")
     assert finished.last_line.startswith("4 passed")
 
 
 def test_options_reach_the_tests(lab):
-    """Parameters, variables, features, retries, robot and station are those of the command line."""
+    """The options of the command line reach the tests."""
     lab.write(
         asked__py=(
             "from pathlib import Path\n"
@@ -91,7 +91,7 @@ def test_options_reach_the_tests(lab):
 
 
 def test_ini_values_count_where_the_command_line_says_nothing(lab):
-    """A project says once what its robots are; the command line has the last word."""
+    """Values of the ini file are defaults of the options."""
     lab.write(pytest__ini="[pytest]\nrtf_robot = red\nrtf_runs = records\nrtf_define =\n    who=she\n    how=well\n")
     lab.suite('<test name="${who} ${how}"> Fine </test>')
     finished = lab.run("s.xml", "--rtf-define", "how=badly", "-v")
@@ -100,7 +100,7 @@ def test_ini_values_count_where_the_command_line_says_nothing(lab):
 
 
 def test_reports_of_the_runner_are_written(lab):
-    """Any reporter listens to the robot tests of the session; a file that was not named is in the run's folder."""
+    """Reporters of the runner write their files, by default into the run's folder."""
     finished = lab.run(lab.suite(ARMS), "--rtf-report", "json=out.json", "--rtf-report", "junit")
     record = json.loads((lab.folder / "out.json").read_text())
     assert len(record["suites"][0]["tests"]) == 3
@@ -109,7 +109,7 @@ def test_reports_of_the_runner_are_written(lab):
 
 
 def test_record_can_be_reported_later(lab):
-    """``testrunner`` makes of the record what it makes of any run's; only to go on with it is pytest's business."""
+    """``testrunner report`` reads the journal of a session; resuming it is refused with a hint."""
     lab.run(lab.suite(ARMS))
 
     def testrunner(*words: str) -> subprocess.CompletedProcess[str]:
@@ -125,14 +125,14 @@ def test_record_can_be_reported_later(lab):
 
 
 def test_report_that_cannot_be_written_ends_the_session(lab):
-    """Nothing is run whose report would be lost."""
+    """A report that cannot be written is a usage error before any test."""
     finished = lab.run(lab.suite(ARMS), "--rtf-report", "json=/proc/no/such.json")
     assert finished.exit_code == pytest.ExitCode.USAGE_ERROR
     assert "robot tests: report json cannot be written" in finished.out
 
 
 def test_reporter_that_breaks_is_an_internal_error(lab):
-    """The tests go on, and the session does not look as if all were well."""
+    """A reporter that fails is an internal error of the session, and tests go on."""
     broken = "from rtf.testing import Reporter\nclass Broken(Reporter):\n    def handle(self, event, results): 1 / 0\n"
     lab.write(reports__broken__py="", **{"reports/broken.py": broken})
     finished = lab.run(lab.suite(ARMS), "--rtf-report", "broken", RTF_PLUGIN_PATH=str(lab.folder / "reports"))
@@ -142,7 +142,7 @@ def test_reporter_that_breaks_is_an_internal_error(lab):
 
 
 def test_time_out_of_the_suite_is_red_once(lab):
-    """What a suite that takes too long did not come to is skipped, and the test it was in is not."""
+    """After a suite's time-out one test fails, and the remaining ones are skipped."""
     lab.suite('<test name="slow"> Hangs </test><test name="late"> Fine </test>', attributes='timeout="1"')
     finished = lab.run("s.xml", "-ra")
     assert finished.last_line.startswith("1 failed, 1 skipped")
@@ -151,7 +151,7 @@ def test_time_out_of_the_suite_is_red_once(lab):
 
 
 def test_time_out_of_pytest_ends_the_test_alone(lab):
-    """pytest-timeout strikes in pytest's process; the test's own is ended, its teardown runs, the next test runs."""
+    """A time-out of pytest-timeout ends the test's process with its teardown, and the next test runs."""
     lab.suite(f'{FIXTURE}<test name="slow"> Hangs </test><test name="next"> Fine </test>')
     finished = lab.run("s.xml", "-p", "pytest_timeout", "-o", "timeout=2")
     assert finished.last_line.startswith("1 failed, 1 passed")
@@ -163,7 +163,7 @@ def test_time_out_of_pytest_ends_the_test_alone(lab):
 
 
 def test_plan_of_the_set_up_touches_nothing(lab):
-    """``--setup-plan`` brings no robot up."""
+    """``--setup-plan`` starts no fixture."""
     finished = lab.run(lab.suite(FIXTURE + ARMS), "--setup-plan")
     assert finished.exit_code == 0
     assert lab.log == []
@@ -171,7 +171,7 @@ def test_plan_of_the_set_up_touches_nothing(lab):
 
 
 def test_set_up_alone_brings_fixtures_up_and_down(lab):
-    """``--setup-only`` does what a test stands on, and not the test."""
+    """``--setup-only`` sets fixtures up and tears them down, without tests."""
     finished = lab.run(lab.suite(FIXTURE + ARMS), "--setup-only")
     assert finished.exit_code == 0
     assert lab.log == ["up", "down"]
@@ -179,14 +179,14 @@ def test_set_up_alone_brings_fixtures_up_and_down(lab):
 
 
 def test_fork_for_each_test_is_refused(lab):
-    """A robot test has a process already; in a fork of pytest the run would be begun anew with each test."""
+    """``--forked`` is refused with a hint."""
     finished = lab.run(lab.suite(ARMS), "-p", "pytest_forked", "--forked")
     assert finished.exit_code == pytest.ExitCode.USAGE_ERROR
     assert "leave --forked out" in finished.out
 
 
 def test_live_page_says_where_it_is_and_goes_with_the_session(lab):
-    """Its address with the token is shown in spite of pytest's capture, and its server ends with the run."""
+    """The address of the live page is printed, and its server ends with the session."""
     session = lab.start(lab.suite(ARMS), "--rtf-report", "web=0")
     finished = session.wait()
     assert "web page: http://127.0.0.1:" in finished.out
@@ -216,7 +216,7 @@ class Stopped(TestCase):
 
 
 def test_run_that_is_stopped_from_outside_ends_the_session(lab):
-    """Who presses stop on the live page stops pytest: the running test ends, nothing more is started."""
+    """A stop on the live page ends the session after the running test."""
     lab.write(**{"reports/stopper.py": STOPPER, "stopped.py": STOPPED, "test_later.py": "def test_later(): pass"})
     environment = {"RTF_PLUGIN_PATH": str(lab.folder / "reports")}
     suite = lab.suite(f'{FIXTURE}<test name="first"> stopped.py </test>{ARMS}')
@@ -230,7 +230,7 @@ def test_run_that_is_stopped_from_outside_ends_the_session(lab):
 
 
 def test_a_program_fails_with_its_cases(lab):
-    """What pytest knows is the program alone; which of its cases did not pass, and why, is told by it."""
+    """A program fails with its failed cases, which are named with their reasons."""
     lab.suite('<test name="p">p.sh</test><test name="q">q.sh</test>')
     write_files(
         lab.folder,

@@ -1,4 +1,4 @@
-"""What each verdict becomes in pytest: outcome, words, sections, properties. One session, looked at from all sides."""
+"""Each verdict in pytest: outcome, words, sections and properties, all in one session."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ EXPECTED = {
 
 @pytest.fixture(scope="module")
 def session(module_lab):
-    """A suite in which everything happens."""
+    """The session of a suite with all verdicts."""
     module_lab.suite(SUITE)
     return module_lab.run("s.xml", "-ra", "--junit-xml=junit.xml", "--durations=0", "-vv", "-o", "junit_logging=all")
 
 
 @pytest.mark.parametrize("name", EXPECTED)
 def test_verdict_is_told_where_people_look(session, name):
-    """The record has the verdict, and the short summary the word of pytest and what happened."""
+    """The journal has the verdict, and the short summary has pytest's word and the reason."""
     verdict, word, said = EXPECTED[name]
     assert session.results.tests[f"s/{name.replace(' ', '-')}"].verdict is verdict
     lines = [line for line in session.summary if f" s.xml::{name}" in line and not line.startswith("SKIPPED")]
@@ -60,26 +60,26 @@ def test_verdict_is_told_where_people_look(session, name):
 
 
 def test_counts_are_those_of_the_table(session):
-    """Nothing is counted twice, and the exit code says that something failed."""
+    """Each test is counted once, and the exit code is that of failed tests."""
     assert session.last_line.startswith("6 failed, 2 passed, 2 skipped, 1 xfailed, 1 warning, 2 errors in ")
     assert session.exit_code == pytest.ExitCode.TESTS_FAILED
 
 
 def test_reason_of_a_skip_is_told_at_the_test(session):
-    """A skip has its reason and the place of the test, not of our code, whoever decided on it."""
+    """A skip has its reason, and the place of the test in the suite."""
     skips = [line for line in session.summary if line.startswith("SKIPPED")]
     assert "SKIPPED [1] s.xml:7: no left arm here" in skips
     assert "SKIPPED [1] s.xml:14: requires program 'no-such-program', which is not there" in skips
 
 
 def test_nothing_of_our_own_frames_is_shown(session):
-    """A failure is told in the words of the test: no traceback leads through the plug-in or pytest."""
+    """No traceback shows frames of the plug-in or of pytest."""
     assert "pytest_suites" not in session.out
     assert "_pytest/" not in session.out
 
 
 def test_failure_tells_place_limits_and_parts(session):
-    """Below the line of a failure are the place in the test, and what became of its parts."""
+    """A failure has its place, limits, and sub-results."""
     text = session.cases()["arm"].find("failure").text
     assert (
         "left: measures: position = 12.5 deg, expected within [0, 10] deg, margin -2.5 deg\n  at tests.py:18\n" in text
@@ -88,25 +88,25 @@ def test_failure_tells_place_limits_and_parts(session):
 
 
 def test_hang_shows_where(session):
-    """The stacks of what hung are part of its failure."""
+    """The stacks of a hung test are in its failure."""
     assert "in wait" in session.cases()["hang"].find("failure").text
     assert (session.folder / "torn-down").exists()
 
 
 def test_bug_shows_its_traceback(session):
-    """The author's own traceback is there."""
+    """The traceback of an exception is in its failure."""
     assert 'raise KeyError("arm")' in session.cases()["bug"].find("failure").text
 
 
 def test_durations_are_those_of_the_record(session):
-    """What pytest says took long is what the runner measured."""
+    """Durations are those of the journal."""
     recorded = session.results.tests["s/hang"].duration
     assert f"{recorded:.2f}s call     s.xml::hang" in session.out
     assert 0.5 <= recorded < 10
 
 
 def test_measurement_is_readable_by_a_script(session):
-    """Value, unit, limits, margin and verdict are properties of their own; the value is a number and nothing else."""
+    """Value, unit, limits, margin and verdict of a measurement are properties."""
     case = session.cases()["arm"]
     properties = {item.get("name"): item.get("value") for item in case.iter("property")}
     name = "measurement.left.position"
@@ -123,7 +123,7 @@ def test_measurement_is_readable_by_a_script(session):
 
 
 def test_verdict_is_a_property(session):
-    """What pytest has no word for can be read in the properties."""
+    """The verdict is a property."""
     verdicts = {
         name: {item.get("name"): item.get("value") for item in case.iter("property")}["rtf:verdict"]
         for name, case in session.cases().items()
@@ -133,21 +133,21 @@ def test_verdict_is_a_property(session):
 
 
 def test_output_and_messages_are_captured(session):
-    """What a test prints and says is where the output of every other test is."""
+    """Output and messages of a test are in its captured output."""
     out = session.cases()["fine"].find("system-out").text
     assert "said aloud" in out
     assert "PASS     checks: all is well (tests.py:11)" in out
 
 
 def test_flaky_pass_is_warned_of(session):
-    """A pass at the second attempt is a pass that somebody should look at."""
+    """A flaky test passes with a warning."""
     assert "FlakyTestWarning: passed at attempt 2; attempt 1: failed: stumbled" in session.out
     properties = {item.get("name"): item.get("value") for item in session.cases()["flaky"].iter("property")}
     assert properties["rtf:attempts"] == "2"
 
 
 def test_record_is_that_of_a_run(session):
-    """The journal is complete, from the first event to the last, and says what it was made by."""
+    """The journal is complete, and says that pytest made it."""
     first, last = session.events[0], session.events[-1]
     assert first.command[:2] == ("pytest", "-p")
     assert first.environment["pytest"] == pytest.__version__
@@ -156,21 +156,21 @@ def test_record_is_that_of_a_run(session):
 
 
 def test_junit_file_is_well_formed(session):
-    """The file has a case for each test, each with the suite as its class."""
+    """The JUnit file has a case for each test, with the suite as class."""
     root = ET.parse(session.folder / "junit.xml").getroot()
     assert {case.get("classname") for case in root.iter("testcase")} == {"s.xml"}
     assert len(session.cases()) == len(EXPECTED) + 2
 
 
 def test_warnings_as_errors_fail_in_our_words(lab):
-    """Who has made warnings errors gets the warning, and what led to it, in the words of any other failure."""
+    """Warnings as errors fail with the warning's text, without internal frames."""
     finished = lab.run(lab.suite('<test name="flaky" retries="1"> Flaky </test>'), "-W", "error")
     assert "FAILED s.xml::flaky - FlakyTestWarning: passed at attempt 2; attempt 1: failed: stumbled" in finished.out
     assert "pytest_suites" not in finished.out
 
 
 def test_runxfail_reports_as_if_nothing_was_expected(lab):
-    """``--runxfail`` makes an expected failure a failure, and a pass that was not expected a pass."""
+    """``--runxfail`` makes an expected failure a failure, and an unexpected pass a pass."""
     lab.suite('<test name="bad" expected="fail"> Measures </test><test name="good" expected="fail"> Fine </test>')
     finished = lab.run("s.xml", "--runxfail")
     assert finished.last_line.startswith("1 failed, 1 passed")

@@ -1,4 +1,4 @@
-"""Suites on several workers: nothing is lost on the way, and no fixture is up twice at the same time."""
+"""Suites on several workers: reports are complete, and no fixture is up twice at a time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TESTS = "".join(f'<test name="t{number}"> Fine </test>' for number in range(4))
 
 
 def records(folder: Path) -> dict[str, Verdict]:
-    """The verdicts of all workers' records by test; each test is in one of them, and only there."""
+    """Return the verdicts of all workers' journals; each test is in one of them."""
     found = {}
     for run in sorted((folder / "rtf-runs").iterdir()):
         if run.is_symlink():
@@ -29,7 +29,7 @@ def records(folder: Path) -> dict[str, Verdict]:
 
 @pytest.mark.parametrize("mode", ["load", "loadgroup", "loadfile", "worksteal"])
 def test_fixture_is_up_once_at_a_time(lab, mode):
-    """However the tests are spread, two suites with the same fixture wait for each other."""
+    """Suites with the same fixture wait for each other, in every mode of distribution."""
     files = [lab.suite(FIXTURE + TESTS, name) for name in ("one", "two")]
     finished = lab.run(*files, "-p", "xdist", "-n", "2", "--dist", mode)
     assert finished.last_line.startswith("8 passed"), finished.out
@@ -39,12 +39,12 @@ def test_fixture_is_up_once_at_a_time(lab, mode):
 
 
 def finished_session(finished) -> str:
-    """The id of a session, as its workers' records have it."""
+    """Return the id of a session from its workers' journals."""
     return finished.events[0].environment["session"]
 
 
 def test_reports_survive_the_way_from_the_worker(lab):
-    """Words, places, sections, properties and warnings arrive as they are without workers."""
+    """Words, places, sections, properties and warnings are those of a session without workers."""
     lab.suite(
         '<test name="arm"> Measures </test><test name="f" retries="1"> Flaky </test><test name="n"> NoTest </test>'
     )
@@ -61,7 +61,7 @@ def test_reports_survive_the_way_from_the_worker(lab):
 
 
 def test_tests_that_belong_together_are_marked(lab):
-    """Suites that share a fixture, or whose tests need each other, are one group; others are free."""
+    """Suites that share a fixture, or have requirements, are one group."""
     lab.write(
         conftest__py=(
             "def pytest_collection_finish(session):\n"
@@ -79,7 +79,7 @@ def test_tests_that_belong_together_are_marked(lab):
 
 
 def test_each_worker_writes_a_report_of_its_own(lab):
-    """A report's file is named after the worker, so that none overwrites another's."""
+    """A report's file is named after its worker."""
     lab.suite(TESTS)
     finished = lab.run("s.xml", "-p", "xdist", "-n", "2", "--rtf-report", "json=out.json")
     assert finished.exit_code == 0
@@ -88,7 +88,7 @@ def test_each_worker_writes_a_report_of_its_own(lab):
 
 
 def test_worker_that_breaks_is_an_internal_error(lab):
-    """What broke on a worker is told by the session that started it."""
+    """An internal error of a worker is reported by the session."""
     broken = "from rtf.testing import Reporter\nclass Broken(Reporter):\n    def handle(self, event, results): 1 / 0\n"
     lab.write(**{"reports/broken.py": broken})
     arguments = (lab.suite(TESTS), "-p", "xdist", "-n", "1", "--rtf-report", "broken")
@@ -98,14 +98,14 @@ def test_worker_that_breaks_is_an_internal_error(lab):
 
 
 def test_report_that_a_worker_cannot_write_is_an_error_of_its_tests(lab):
-    """A worker cannot refuse the session; it says why it runs nothing."""
+    """A report that a worker cannot write is an error of its tests."""
     finished = lab.run(lab.suite(TESTS), "-p", "xdist", "-n", "1", "--rtf-report", "json=/proc/no/such.json")
     assert finished.last_line.startswith("4 errors")
     assert "robot tests: report json cannot be written" in finished.line("ERROR s.xml::t3")
 
 
 def test_live_page_is_for_one_process(lab):
-    """The page shows one run; where there would be several the session is refused, with what to do instead."""
+    """The live page with several workers is refused with a hint."""
     finished = lab.run(lab.suite(TESTS), "-p", "xdist", "-n", "2", "--rtf-report", "web")
     assert finished.exit_code == pytest.ExitCode.USAGE_ERROR
     assert "leave out -n, or write 'html' instead" in finished.out

@@ -1,4 +1,4 @@
-"""Parameter strings become words, and words become a property."""
+"""Splitting parameter strings into words, and words into a property."""
 
 from __future__ import annotations
 
@@ -33,24 +33,24 @@ if TYPE_CHECKING:
     ],
 )
 def test_splitting(text: str, words: list[str]):
-    """Only blanks separate, double quotes protect, nothing is escaped."""
+    """Words are separated by blanks, and protected by double quotes; nothing is escaped."""
     assert split_arguments(text) == words
 
 
 def test_the_number_of_words_is_not_limited():
-    """The C++ framework cut silently at 128 words; nothing is cut here."""
+    """The number of words has no limit, unlike in the C++ framework."""
     assert len(split_arguments("a " * 1000)) == 1000
 
 
 @given(st.lists(st.text(st.characters(exclude_characters='"'), min_size=1)))
 def test_quoted_words_come_back(words: list[str]):
-    """Every word without a quote in it survives when it is quoted."""
+    """A quoted word is split unchanged."""
     assert split_arguments(" ".join(f'"{word}"' for word in words)) == words
 
 
 @given(st.text('ab" \t\\', max_size=40))
 def test_splitting_loses_only_quotes_and_blanks(text: str):
-    """Every other character is in a word, in order."""
+    """Splitting keeps every other character, in order."""
     assert "".join(split_arguments(text)).replace(" ", "") == text.replace(" ", "").replace('"', "")
 
 
@@ -76,17 +76,17 @@ def test_splitting_loses_only_quotes_and_blanks(text: str):
     ],
 )
 def test_parsing(line: str, properties: str):
-    """Words after ``--key`` are its values; ``::`` goes into sections."""
+    """Words after ``--key`` are its values, and ``::`` separates sections."""
     assert parse_arguments(split_arguments(line)) == Property.parse(properties)
 
 
 def test_empty_words_are_empty_strings():
-    """A shell can give an empty word, and it is a value."""
+    """An empty word is an empty string."""
     assert parse_arguments(["--a", "", "  "]).find_group("a") == Bottle(["a", "", "  "])
 
 
 def test_overlaying():
-    """Words are laid over what is there: a key is replaced, a section is extended."""
+    """Words replace keys of an existing property, and extend its sections."""
     properties = Property.parse("(a 1) (b 2) (grp (x 1) (y 2))")
     assert parse_arguments(["--a", "5", "--grp::x", "6"], into=properties) is properties
     assert properties == Property.parse("(a 5) (b 2) (grp (x 6) (y 2))")
@@ -95,7 +95,7 @@ def test_overlaying():
 @settings(deadline=None)
 @given(st.lists(st.one_of(st.text(max_size=10), st.text('-:ab(){}"\\ 1', max_size=10))))
 def test_any_words_parse_or_raise_our_error(words: list[str]):
-    """No words raise anything but our own error."""
+    """Any words are parsed, or raise BottleError."""
     try:
         parse_arguments(words).to_text()
     except BottleError:
@@ -104,7 +104,7 @@ def test_any_words_parse_or_raise_our_error(words: list[str]):
 
 @pytest.mark.fuzz
 def test_mutated_parameter_strings_parse_or_raise_our_error(mutations: Callable[..., Iterator[str]]):
-    """Twenty thousand damaged parameter strings are cut and parsed, and no error but ours comes out."""
+    """Twenty thousand damaged strings are parsed, or raise BottleError."""
     seeds = ['--name "a b" --joints "(0 1 2)" --from x.ini', "--grp::sub::key -5 --flag", "--a [set] {1 2} --b c"]
     for text in mutations(seeds, 20_000, '-:"()[]{} \\\t1a'):
         words = split_arguments(text)

@@ -1,4 +1,4 @@
-"""Where files are looked for, and what is said about it."""
+"""The search for files: places, their order, and its report."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FOUND, SHADOWED, MISSING, SKIPPED = PlaceStatus.FOUND, PlaceStatus.SHADOWED, Pla
 
 
 class World:
-    """A current directory, a user, an administrator and an installation, all below one folder."""
+    """Current directory, user, administrator and installation, all below one folder."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
@@ -42,11 +42,11 @@ class World:
         return path
 
     def finder(self, *contexts: str, robot: str | None = None, roots: tuple[Path, ...] = ()) -> ResourceFinder:
-        """Make a finder that lives in this world only."""
+        """Return a finder that uses this world only."""
         return ResourceFinder(contexts=contexts, robot=robot, roots=roots, environment=self.environment, cwd=self.cwd)
 
     def relative(self, search: Search) -> list[str]:
-        """The places of a search, relative to the world."""
+        """Return the places of a search, relative to the world."""
         return [str(place.path.relative_to(self.root)) for place in search.places]
 
 
@@ -65,7 +65,7 @@ ORDER = [
 
 
 def test_the_order(world: World):
-    """Current directory, the robot's folders, the contexts, then the roots themselves, each root in YARP's order."""
+    """The order is current directory, robots, contexts, and the roots themselves, each as in YARP."""
     search = world.finder("icub").search("x.ini")
     assert world.relative(search) == ORDER
     assert search.path is None
@@ -74,7 +74,7 @@ def test_the_order(world: World):
 
 @pytest.mark.parametrize("first", range(len(ORDER)))
 def test_the_first_existing_place_wins(world: World, first: int):
-    """Whatever exists later in the order loses, and is reported as shadowed."""
+    """The first existing file is found, and later ones are reported as shadowed."""
     for name in ORDER[first:]:
         world.file(name)
     search = world.finder("icub").search("x.ini")
@@ -84,7 +84,7 @@ def test_the_first_existing_place_wins(world: World, first: int):
 
 
 def test_all_of_them(world: World):
-    """The other policy takes every file there is, in the same order."""
+    """The policy ALL finds every file, in the same order."""
     for name in (ORDER[3], ORDER[0], ORDER[-1]):
         world.file(name)
     search = world.finder("icub").search("x.ini", policy=Policy.ALL)
@@ -99,7 +99,7 @@ def test_several_contexts(world: World):
 
 
 def test_robot_names(world: World):
-    """The robot's folder follows YARP_ROBOT_NAME unless the program names the robot."""
+    """The robot is that of the program, or of YARP_ROBOT_NAME."""
     one, other = world.file("data_1/robots/iCubGenova01/x.ini"), world.file("data_1/robots/purple/x.ini")
     assert world.finder(robot="purple").find("x.ini") == other
     world.environment["YARP_ROBOT_NAME"] = "iCubGenova01"
@@ -108,7 +108,7 @@ def test_robot_names(world: World):
 
 
 def test_resource_types(world: World):
-    """The type is a folder below every place."""
+    """A resource type is a folder below every place."""
     winner = world.file("data_home/modules/x.ini")
     world.file("data_home/x.ini")
     search = world.finder().search("x.ini", resource_type="modules")
@@ -117,7 +117,7 @@ def test_resource_types(world: World):
 
 
 def test_paths_and_directories(world: World):
-    """A name may have folders in it; a directory can be asked for; an absolute name is its only place."""
+    """A name may have folders, or be a directory; an absolute name is its only place."""
     file = world.file("data_1/contexts/icubSim/x.ini")
     finder = world.finder()
     assert finder.find("contexts/icubSim/x.ini") == file
@@ -129,7 +129,7 @@ def test_paths_and_directories(world: World):
 
 
 def test_further_roots(world: World):
-    """A program's own folders come last, with robots and contexts like any other."""
+    """A program's own roots come last."""
     suite = world.folder("suite")
     file = world.file("suite/contexts/icubSim/x.ini")
     finder = world.finder("icubSim", roots=(suite,))
@@ -138,7 +138,7 @@ def test_further_roots(world: World):
 
 
 def test_path_d(world: World):
-    """The files in a path.d folder add directories to the search."""
+    """Files in a path.d folder add directories to the search."""
     world.file("data_1/config/path.d/icub.ini", f'[search icub]\npath {world.root}/icub "{world.root}/more"\n')
     file = world.file("icub/contexts/icub/x.ini")
     assert world.finder("icub").find("x.ini") == file
@@ -149,7 +149,7 @@ def test_path_d(world: World):
 
 
 def test_a_broken_path_d_is_passed_over_and_told(world: World):
-    """An unreadable installation does not stop a search, but it shows."""
+    """A damaged path.d file is skipped, with a note in the search."""
     world.file("data_1/config/path.d/bad.ini", "[include a b c d]")
     search = world.finder().search("x.ini")
     assert search.places[-1].status is SKIPPED
@@ -157,7 +157,7 @@ def test_a_broken_path_d_is_passed_over_and_told(world: World):
 
 
 def test_default_directories():
-    """Without YARP's own variables the freedesktop ones count, and without these the home directory."""
+    """The default directories are those of freedesktop's variables, else below the home directory."""
     places = ResourceFinder(environment={"HOME": "/h"}, cwd="/c").search("x").places
     assert [str(place.path) for place in places[-5:]] == [
         "/h/.config/yarp/x",
@@ -179,7 +179,7 @@ def test_default_directories():
 
 
 def test_configuring(world: World):
-    """The file is found in the context of the command line, read, and the command line laid over it."""
+    """The file is found in the context of the command line, whose options replace its keys."""
     world.file("data_home/contexts/icub/main.ini", "robot ${robotname}\njoints 5\n[G]\nx 1\ny 2")
     finder = world.finder()
     words = ["--context", "icub", "--from", "main.ini", "--joints", "6", "--G::x", "7"]
@@ -193,7 +193,7 @@ def test_configuring(world: World):
 
 
 def test_defaults(world: World):
-    """A default context and a default file count when the command line has none; the default file may be absent."""
+    """Default context and default file apply without options; the default file may be missing."""
     finder = world.finder()
     assert finder.configure(["--a", "1"], default_context="icub", default_file="config.ini").properties == Property(
         {"a": 1}
@@ -204,7 +204,7 @@ def test_defaults(world: World):
 
 
 def test_a_file_that_was_asked_for_must_exist(world: World):
-    """An explicit file that is nowhere is an error that lists all places."""
+    """A requested file that is missing is an error with all places."""
     with pytest.raises(ResourceNotFoundError, match="current directory") as caught:
         world.finder().configure(["--from", "none.ini"])
     assert isinstance(caught.value, ResourceError)
@@ -212,7 +212,7 @@ def test_a_file_that_was_asked_for_must_exist(world: World):
 
 
 def test_near_main_mode(world: World):
-    """With the main file in the current directory, later files come from beside it and contexts are passed over."""
+    """If the main file is in the current directory, other files are searched beside it, without contexts."""
     world.file("cwd/main.ini", "a 1")
     world.file("data_home/contexts/icub/x.ini")
     finder = world.finder("icub")
@@ -226,7 +226,7 @@ def test_near_main_mode(world: World):
 
 
 def test_the_main_directory_counts_only_in_near_main_mode(world: World):
-    """A main file from elsewhere does not add its folder, and the search says so."""
+    """A main file elsewhere does not add its folder, and the search says so."""
     world.file("data_home/sub/main.ini", "a 1")
     world.file("data_home/sub/x.ini")
     finder = world.finder()
@@ -240,7 +240,7 @@ def test_the_main_directory_counts_only_in_near_main_mode(world: World):
 
 
 def test_files_by_key(world: World):
-    """A file can be named by a key of the configuration."""
+    """A file can be found by a key of the configuration."""
     file = world.file("cwd/model.urdf")
     finder = world.finder()
     finder.configure(["--model", "model.urdf"])
@@ -251,7 +251,7 @@ def test_files_by_key(world: World):
 
 
 def test_rendering(world: World):
-    """The lines tell the result and, for every place, what became of it and which rule put it there."""
+    """The lines of a search have the result, and each place with status and rule."""
     world.file("cwd/x.ini")
     world.file("data_home/x.ini")
     lines = world.finder().search("x.ini").lines()
@@ -264,5 +264,5 @@ def test_rendering(world: World):
 
 @pytest.mark.parametrize("name", ["", "a\0b", "x" * 5000, "../x.ini", "\ud800"])
 def test_odd_names(world: World, name: str):
-    """No name raises anything."""
+    """No name raises an error."""
     assert isinstance(world.finder().search(name), Search)

@@ -1,4 +1,4 @@
-"""Which lines belong together, and where comments begin."""
+"""Joining lines, and finding comments."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def joined(text: str) -> list[str]:
     ],
 )
 def test_joining(text: str, lines: list[str]):
-    """Open quotes, lists and blobs join lines, and so does a backslash; square brackets do not."""
+    """Open quotes, lists and blobs, and a backslash, join lines; square brackets do not."""
     assert joined(text) == lines
 
 
@@ -78,7 +78,7 @@ def test_comments(text: str, rest: str):
     ],
 )
 def test_what_joining_does_is_reported(text: str, kind: DiagnosticKind, place: str):
-    """What YARP does in silence to lines that are joined is reported, with the place."""
+    """Joins that glue words or hide text are reported with their place."""
     found = [item for line in join_lines(split_lines(text, "f")) for item in line.diagnostics()]
     assert [(item.kind, str(item.location)) for item in found] == [(kind, place)]
     assert str(found[0]).startswith(f"{place}: ")
@@ -86,11 +86,11 @@ def test_what_joining_does_is_reported(text: str, kind: DiagnosticKind, place: s
 
 @pytest.mark.parametrize("text", ["a 1\nb 2", "a (1\n 2)", "a (1,\n2\n)", "a \\\n b", "a (1 \\\n2)", "# a\n# b"])
 def test_ordinary_text_is_not_reported(text: str):
-    """Matrices over several lines, well separated, are nothing to talk about."""
+    """Matrices over several lines are not reported."""
     assert not [item for line in join_lines(split_lines(text, "f")) for item in line.diagnostics()]
 
 
 @given(st.text('ab(){}"#/\\\n '))
 def test_joining_loses_only_line_ends_and_backslashes(text: str):
-    """Every other character is in a line, in order."""
+    """Joining keeps every other character, in order."""
     assert "".join(joined(text)).replace("\\", "") == text.replace("\n", "").replace("\\", "")

@@ -1,4 +1,4 @@
-"""How a robot test finds its parameters."""
+"""Finding the parameters of a robot test."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def _data(tmp_path: Path) -> Path:
 
 
 def find(data: Path, arguments: str, environment: str = "") -> Parameters:
-    """Find parameters in the world of this test."""
+    """Find parameters in the folder of this test."""
     return find_parameters(arguments, environment, process_environment={"YARP_DATA_HOME": str(data / "data")}, cwd=data)
 
 
@@ -47,7 +47,7 @@ def find(data: Path, arguments: str, environment: str = "") -> Parameters:
     ],
 )
 def test_the_context(data: Path, arguments: str, environment: str, context: str):
-    """The test's context beats the suite's; without either the robot's name is the last resort."""
+    """The context is that of the test, the suite, or the robot's name, in this order."""
     found = find(data, arguments, environment)
     assert found.properties.find("context") == context
     assert found.file is not None
@@ -56,13 +56,13 @@ def test_the_context(data: Path, arguments: str, environment: str, context: str)
 
 @pytest.mark.parametrize("environment", ["", "--context icub --robotname icubSim", "--robotname nobody"])
 def test_a_file_that_is_not_found(data: Path, environment: str):
-    """The robot's name does not help when a context was given; the error lists the places of every lookup."""
+    """The error about a missing file lists the places of every search; with a context the robot's name is not tried."""
     with pytest.raises(ResourceNotFoundError, match=r"only_icubSim\.ini: not found"):
         find(data, "--from only_icubSim.ini", environment)
 
 
 def test_every_lookup_is_told(data: Path):
-    """The search in the default context and the one in the robot's are both reported."""
+    """The searches in the default context and in that of the robot are both returned."""
     found = find(data, "--from only_icubSim.ini", "--robotname icubSim")
     assert [search.path is None for search in found.searches] == [True, False]
 
@@ -77,14 +77,14 @@ def test_variables_come_from_the_environment_of_the_suite(data: Path):
 
 
 def test_other_arguments_do_not_change_the_file(data: Path):
-    """Next to a file the other arguments are dropped, but the caller can see them."""
+    """With a file other arguments are not parameters, but are returned."""
     found = find(data, "--from shared.ini --context icub --speed 5")
     assert found.properties == Property({"context": "icub"})
     assert found.arguments.find("speed") == 5
 
 
 def test_without_a_file_the_arguments_are_the_parameters(data: Path):
-    """All arguments, and no file."""
+    """Without a file all arguments are parameters."""
     found = find(data, '--name "a b" --joints (0,1)', "--robotname icubSim")
     assert found.properties == Property.parse('(name "a b") (joints (0 1))')
     assert (found.file, found.searches) == (None, ())
@@ -92,13 +92,13 @@ def test_without_a_file_the_arguments_are_the_parameters(data: Path):
 
 
 def test_an_empty_name_is_an_error(data: Path):
-    """An argument that names no file is a mistake of the suite."""
+    """``--from`` without a file is an error."""
     with pytest.raises(ResourceSyntaxError, match="--from"):
         find(data, "--from --context icub")
 
 
 def test_the_current_directory_wins(data: Path):
-    """A file of that name in the current directory is taken, and the search shows what it hides."""
+    """A file in the current directory is found first, and hidden ones are reported."""
     (data / "shared.ini").write_text("context here")
     found = find(data, "--from shared.ini", "--context icub")
     assert found.properties.find("context") == "here"

@@ -118,14 +118,14 @@ def test_sections_of_real_files():
 
 
 def test_a_stray_quote_swallows_the_file_and_is_reported():
-    """A quote too many loses everything after it, as in YARP, but not in silence."""
+    """An unclosed quote hides the rest of the file, as in YARP, and is reported."""
     head = read("motortest_head.ini")
     assert head.properties == Property.parse("(name)")
     assert [(item.kind, item.location.line) for item in head.diagnostics] == [(DiagnosticKind.UNBALANCED, 1)]
 
 
 def test_undefined_variables_are_reported():
-    """Without a robot's name ports lose it, as in YARP, and the report names variable and place."""
+    """An undefined variable is empty, as in YARP, and is reported with its place."""
     result = read_property_file(DATA / "motortest_face.ini", environment={})
     assert result.properties.find("portname") == "//face"
     found = [(item.kind, item.name, item.location.line) for item in result.diagnostics]
@@ -134,7 +134,7 @@ def test_undefined_variables_are_reported():
 
 
 def test_precedence_of_variables():
-    """The environment beats the suite, the suite beats the file."""
+    """A variable is that of the environment, the suite, or the file, in this order."""
     text = "robotname mine\nport /${robotname}"
     for environment, variables, port in [
         ({}, Property(), "/mine"),
@@ -175,7 +175,7 @@ def write(folder: Path, **files: str) -> Path:
     ],
 )
 def test_includes(tmp_path: Path, header: str, properties: str):
-    """A file is read in place, into a section, or into a section that a list names; the open section is closed."""
+    """An include is read in place, into a section, or into a section of a list; it closes the open section."""
     write(tmp_path, a=f"a 1\n[O]\n{header}\nc 9", b="b 2\n[S]\nx 3")
     result = read("a.ini", tmp_path)
     expected = Property.parse(properties)
@@ -193,13 +193,13 @@ def test_included_keys_remember_their_file(tmp_path: Path):
 
 
 def test_including_into_a_section_merges(tmp_path: Path):
-    """What the section holds stays, and the file's keys replace it one by one."""
+    """Including into a section keeps its keys, and replaces those of the file."""
     write(tmp_path, a='[sec]\nx 1\ny 2\n[include sec "b.ini"]', b="y 3\nz $x")
     assert read("a.ini", tmp_path).properties == Property.parse("(sec (x 1) (y 3) (z 1))")
 
 
 def test_included_files_are_found_beside_the_including_one(tmp_path: Path):
-    """Files are looked for in the current directory, then beside each including file, then along CONFIG_PATH."""
+    """Includes are searched in the current directory, beside the including files, and along CONFIG_PATH."""
     write(tmp_path / "sub", a='[include "b.ini"]\n[include "more/c.ini"]', b="b 1")
     write(tmp_path / "path" / "more", c='c 1\n[include "d.ini"]', d="d 1")
     variables = Property({"CONFIG_PATH": f"{tmp_path}/none;{tmp_path}/path"})
@@ -210,7 +210,7 @@ def test_included_files_are_found_beside_the_including_one(tmp_path: Path):
 
 
 def test_imports_find_files_of_a_context(tmp_path: Path):
-    """An import looks a file up in a context."""
+    """An import finds a file in a context."""
     write(tmp_path / "data" / "contexts" / "icub", x="x 5")
     text = "a 1\n[import icub x.ini]\nb 2"
     result = parse_property_text(text, environment={"YARP_DATA_HOME": str(tmp_path / "data")}, cwd=tmp_path)
@@ -220,14 +220,14 @@ def test_imports_find_files_of_a_context(tmp_path: Path):
 
 
 def test_directories(tmp_path: Path):
-    """A directory is all its ini files in the order of their names, each beginning outside sections."""
+    """A directory is read as all its ini files in order, each starting outside of sections."""
     write(tmp_path / "d", b="y 2", a="x 1\n[S]\nk 1", c="[S]\nl 2")
     (tmp_path / "d" / "ignored.txt").write_text("z 3")
     assert read("d", tmp_path).properties == Property.parse("(x 1) (S (k 1) (l 2)) (y 2)")
 
 
 def test_directories_as_sections(tmp_path: Path):
-    """A directory can also be read file by file into sections that a list names."""
+    """A directory can be read into one section for each file, named in a list."""
     write(tmp_path, a="x 1", b="y 2")
     properties = read_property_directory(tmp_path, "parts", environment={}).properties
     one, two = str(tmp_path / "a.ini"), str(tmp_path / "b.ini")
@@ -236,7 +236,7 @@ def test_directories_as_sections(tmp_path: Path):
 
 
 def test_missing_files(tmp_path: Path):
-    """A missing file is an error that names the places tried and the line that asked for it."""
+    """The error about a missing file has the searched places, and the line of the include."""
     with pytest.raises(ResourceNotFoundError, match="none") as caught:
         read("none.ini", tmp_path)
     assert isinstance(caught.value, FileNotFoundError)
@@ -248,7 +248,7 @@ def test_missing_files(tmp_path: Path):
 
 @pytest.mark.parametrize("name", ["", "a\0b", "x" * 5000, "\ud800"])
 def test_impossible_names(tmp_path: Path, name: str):
-    """A name that no file can have is a file that is not there; the empty name is the current directory."""
+    """An impossible name is a missing file; the empty name is the current directory."""
     if name:
         with pytest.raises(ResourceNotFoundError):
             read(name, tmp_path)
@@ -257,21 +257,21 @@ def test_impossible_names(tmp_path: Path, name: str):
 
 
 def test_unreadable_files():
-    """A file that the system withholds is an error that is an OSError too."""
+    """A file that cannot be read raises ResourceReadError, which is an OSError."""
     with pytest.raises(ResourceReadError, match="cannot read /proc/self/mem: ") as caught:
         read("/proc/self/mem")  # anybody may open it, and nobody can read where it begins
     assert isinstance(caught.value, OSError)
 
 
 def test_pipes_are_not_opened(tmp_path: Path):
-    """Opening a pipe could wait for ever; only ordinary files are read."""
+    """A named pipe is not opened."""
     os.mkfifo(tmp_path / "a.ini")
     with pytest.raises(ResourceNotFoundError):
         read("a.ini", tmp_path)
 
 
 def test_include_cycles(tmp_path: Path):
-    """Files that include each other are an error that shows the circle."""
+    """Files that include each other are an error with the circle."""
     write(tmp_path, a='[include "b.ini"]', b='[include x "a.ini"]')
     with pytest.raises(
         ResourceIncludeError, match=r"b\.ini:1: a\.ini includes itself: .*a\.ini -> .*b\.ini -> .*a\.ini"
@@ -280,7 +280,7 @@ def test_include_cycles(tmp_path: Path):
 
 
 def test_include_depth(tmp_path: Path):
-    """A chain of includes has a greatest length."""
+    """Chains of includes have a greatest depth."""
     for number in range(MAX_INCLUDE_DEPTH + 1):
         (tmp_path / f"{number}.ini").write_text(f'[include "{number + 1}.ini"]')
     with pytest.raises(ResourceIncludeError, match="deep"):
@@ -288,7 +288,7 @@ def test_include_depth(tmp_path: Path):
 
 
 def test_number_of_files(tmp_path: Path):
-    """Includes that multiply come to an end."""
+    """The number of included files has a limit."""
     for number in range(20):
         (tmp_path / f"{number}.ini").write_text(f'[include "{number + 1}.ini"]\n' * 2)
     (tmp_path / "20.ini").write_text("x 1")
@@ -297,7 +297,7 @@ def test_number_of_files(tmp_path: Path):
 
 
 def test_size(tmp_path: Path):
-    """The text of one configuration has a greatest size, all files and expansions together."""
+    """The text of a configuration has a limit, all files and substitutions together."""
     (tmp_path / "a.ini").write_bytes(b"#" * (MAX_SIZE + 1))
     with pytest.raises(ResourceLimitError, match="larger"):
         read("a.ini", tmp_path)
@@ -309,13 +309,13 @@ def test_size(tmp_path: Path):
 
 @pytest.mark.parametrize("header", ["[include a b c d]", "[import a]", "[import a b c]"])
 def test_headers_without_meaning(header: str):
-    """An include or import with the wrong number of words is an error with its place."""
+    """An include or import with a wrong number of words is an error with its place."""
     with pytest.raises(ResourceSyntaxError, match=r"f\.ini:2: an i"):
         parse(f"a 1\n{header}")
 
 
 def test_bytes_that_are_no_text(tmp_path: Path):
-    """Bytes that are not UTF-8 survive, and a byte order mark is dropped."""
+    """Bytes that are not UTF-8 are kept, and a byte order mark is dropped."""
     (tmp_path / "a.ini").write_bytes(b"\xef\xbb\xbfa \xff\x00b\r\n")
     assert read("a.ini", tmp_path).properties == Property({"a": "\udcffb"})
 
@@ -332,7 +332,7 @@ LINES = st.lists(
 @settings(deadline=None)
 @given(LINES)
 def test_what_is_written_as_a_file_reads_back(lines: list[str]):
-    """Writing every group as a section or a line and reading that gives the same property."""
+    """A property written as lines and sections reads back the same."""
     properties = parse("\n".join(lines)).properties
     plain, sections = [], []
     for key, group in properties.items():
@@ -346,7 +346,7 @@ def test_what_is_written_as_a_file_reads_back(lines: list[str]):
 @settings(deadline=None)
 @given(st.text(st.one_of(st.sampled_from('ab[](){}"#/\\$=\n\r \t15'), st.characters()), max_size=80))
 def test_any_text_reads_or_raises_our_error(text: str):
-    """No text raises anything but our own error."""
+    """Any text is read, or raises ResourceError."""
     try:
         parse(text, a="x y").properties.to_text()
     except ResourceError:
@@ -355,7 +355,7 @@ def test_any_text_reads_or_raises_our_error(text: str):
 
 @pytest.mark.fuzz
 def test_mutated_files_read_or_raise_our_error(mutations: Callable[..., Iterator[str]], tmp_path: Path):
-    """Twenty thousand damaged files are read, and no error but ours comes out."""
+    """Twenty thousand damaged files are read, or raise ResourceError."""
     seeds = [
         'name "a b" // c\nrobot ${robotname}\n',
         "m (1 0 \\\n 0 1)\nk = v # c\n",

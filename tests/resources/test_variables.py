@@ -37,7 +37,7 @@ VARIABLES = Variables({"env": "E", "empty": "", "words2": "x y"}, Property.parse
     ],
 )
 def test_expansion(text: str, expanded: str):
-    """The environment beats the given variables, and these beat the keys already read."""
+    """A variable is that of the environment, the given ones, or the keys read before, in this order."""
     assert VARIABLES.expand(text, READ, 1000) == (expanded, [])
 
 
@@ -52,29 +52,29 @@ def test_expansion(text: str, expanded: str):
     ],
 )
 def test_undefined_variables_become_empty_and_are_named(text: str, expanded: str, names: list[str]):
-    """As in YARP an unknown variable is empty, but the caller learns of it."""
+    """An unknown variable is empty, as in YARP, and its name is returned."""
     assert VARIABLES.expand(text, READ, 1000) == (expanded, names)
 
 
 def test_a_key_without_a_value_is_defined():
-    """A key that is there and empty is not reported."""
+    """A key without a value is defined and empty."""
     assert VARIABLES.expand("$flag", READ, 1000) == ("", [])
 
 
 def test_values_are_not_expanded_again():
-    """A variable in a value stays as it is."""
+    """Variables in values are not expanded."""
     assert Variables({"a": "$b", "b": "x"}, Property()).expand("$a", Property(), 10) == ("$b", [])
 
 
 def test_expansion_is_bounded():
-    """Variables cannot make text of any length."""
+    """Expanded text has a limit."""
     with pytest.raises(ResourceLimitError, match="longer than 100"):
         Variables({"a": "x" * 60}, Property()).expand("$a $a", Property(), 100)
 
 
 @given(st.text("$(){}\\ab_ \u00e9", max_size=40))
 def test_any_text_expands_or_raises_our_error(text: str):
-    """No text raises anything but our own error."""
+    """Any text is expanded, or raises ResourceError."""
     try:
         VARIABLES.expand(text, READ, 1000)
     except ResourceError:
