@@ -1,4 +1,4 @@
-"""Runs told by hand: events as a runner would emit them, given to reporters the way a runner gives them."""
+"""Runs written by hand: events as a runner would emit them, given to reporters as a runner gives them."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Story:
         return self
 
     def begin(self, *suites: tuple[str, int], robot: str = "icubSim", fixtures: tuple[str, ...] = ()) -> Story:
-        """Begin a run and plan suites of so many tests, named ``t1`` and so on."""
+        """Begin a run, and plan suites with so many tests, named ``t1`` and so on."""
         self.add(RunStarted(run="run-1", version="0.1", robot=robot, environment={"host": "bench"}, command=("rtf",)))
         for suite, count in suites:
             self.add(SuitePlanned(suite=suite, name=suite, file="/lab/suites/arm.xml", fixtures=fixtures))
@@ -54,7 +54,7 @@ class Story:
         return self
 
     def planned(self, suite: str, name: str, **more: Any) -> TestPlanned:
-        """The plan of one test."""
+        """Return the event that plans a test."""
         more = {"file": "/lab/suites/arm.xml", "plugin": "reach", **more}
         return TestPlanned(test=f"{suite}/{name}", suite=suite, name=name, **more)
 
@@ -72,7 +72,7 @@ class Story:
         final: bool = True,
         **more: Any,
     ) -> Story:
-        """One attempt at a test, with what it says."""
+        """Add one attempt at a test, with the events that come out of it."""
         if attempt:
             self.add(TestStarted(test=test, attempt=attempt, pid=4711))
         self.add(*said)
@@ -82,17 +82,17 @@ class Story:
         )
 
     def failing(self, test: str, detail: str = "too far", **more: Any) -> Story:
-        """A test that fails one check."""
+        """Add a test that fails one check."""
         return self.test(test, Verdict.FAILED, failure(test, detail), detail=detail, reason="failure", **more)
 
     def fixture(self, suite: str, name: str, state: FixtureState, generation: int = 1, detail: str = "") -> Story:
-        """A fixture goes over to a state."""
+        """Add a change of a fixture's state."""
         return self.add(
             FixtureChanged(fixture=name, suite=suite, state=state, generation=generation, detail=detail, pid=99),
         )
 
     def incident(self, suite: str, name: str, cause: str = "the program died", **more: Any) -> Story:
-        """Something goes wrong with a fixture."""
+        """Add an incident of a fixture."""
         more = {"phase": Phase.CHECK, "generation": 1, "signal": "SIGSEGV", "output": "last\nwords\n", **more}
         return self.add(FixtureIncident(fixture=name, suite=suite, cause=cause, **more))
 
@@ -101,7 +101,7 @@ class Story:
         return self.add(SuiteEnded(suite=suite, verdict=verdict, duration=3.5))
 
     def finish(self, exit_code: int | None = None) -> Story:
-        """End the run, with the exit code that its results have."""
+        """End the run, with the exit code that its results give if ``exit_code`` is None."""
         results = RunResult()
         for event in self.events:
             results.apply(event)
@@ -110,7 +110,7 @@ class Story:
 
 
 def failure(test: str, detail: str = "too far", **more: Any) -> Message:
-    """A check that did not hold."""
+    """Return the message of a failed check."""
     more = {"file": "/lab/reach.py", "line": 12, "traceback": "Traceback (most recent call last)\n", **more}
     return Message(severity=Severity.FAILURE, title="checks", detail=detail, test=test, **more)
 
@@ -124,9 +124,9 @@ class Reports:
         self.broadcast = Broadcast(None, [])
 
     def __call__(self, name: str, story: Story, *, close: bool = True, **options: Any) -> Path:
-        """Let one reporter hear a story, and close it or leave that to ``broadcast``; returns its file.
+        """Give a story to one reporter and return its file; with ``close=False`` the reporter stays open.
 
-        With ``journal`` the run has one, as all real ones have.
+        With ``journal`` the run has one, as all real runs have.
         """
         cls = load_reporter(name)
         target = options.pop("target", self.folder / (cls.default_file or "none"))
@@ -160,5 +160,5 @@ def reports(tmp_path: Path) -> Reports:
 
 @pytest.fixture
 def check_failed() -> Any:
-    """Makes the message of a check that did not hold."""
+    """Makes the message of a failed check."""
     return failure

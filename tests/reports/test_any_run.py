@@ -1,4 +1,4 @@
-"""Whatever happens in a run and is said in it: reports are well formed, complete, and the same when made again."""
+"""Properties of any run: its reports are well formed, complete, and the same when they are made again."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ SUITES = ("s1", "s2", "s3")
 
 @st.composite
 def said_of_a_test(draw: st.DrawFn, test: str):  # noqa: PLR0911 - one for each kind
-    """Something a test says."""
+    """Draw an event that a test sends."""
     text = draw(TEXT)
     kind = draw(st.integers(0, 8))
     if kind == 0:
@@ -100,7 +100,7 @@ def said_of_a_test(draw: st.DrawFn, test: str):  # noqa: PLR0911 - one for each 
 
 @st.composite
 def of_a_fixture(draw: st.DrawFn, suite: str):
-    """Something that happens to a fixture, or that a suite says."""
+    """Draw an event of a fixture or a suite."""
     text, name = draw(TEXT), draw(st.sampled_from(["sim", "\x1b<&"]))
     kind = draw(st.integers(0, 3))
     if kind == 0:
@@ -121,7 +121,7 @@ def of_a_fixture(draw: st.DrawFn, suite: str):
 
 @st.composite
 def runs(draw: st.DrawFn):
-    """The events of a run, perhaps one that was cut off."""
+    """Draw the events of a run, perhaps one that was cut off."""
     told = [e.RunStarted(run=draw(TEXT), version="1", robot=draw(TEXT), environment={draw(TEXT): draw(TEXT)})]
     plan = {suite: draw(st.integers(0, 3)) for suite in SUITES[: draw(st.integers(1, 3))]}
     for suite, count in plan.items():
@@ -191,7 +191,7 @@ def make(
     extra: dict[str, str] | None = None,
     journal_path: Path | None = None,
 ):
-    """Let reporters hear the events, live; with an end that has the exit code of the results where it is asked for."""
+    """Give the events to reporters, live; with ``ended`` the run ends with the exit code of its results."""
     reporters = []
     for name in names:
         cls = loaded(name)
@@ -213,12 +213,12 @@ def make(
 
 
 def written(folder: Path):
-    """The files of a folder."""
+    """Return the bytes of the files of a folder, by name."""
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.suffix != ".jsonl"}
 
 
 def check_junit(data: bytes, results: RunResult, *, strict: bool):
-    """Valid, complete, unambiguous, and red exactly when the exit code is not 0."""
+    """Check that a JUnit file is valid, complete and unambiguous, and red exactly when the exit code is not 0."""
     root = etree.fromstring(data)
     if strict:
         SCHEMA.assertValid(root)
@@ -246,7 +246,7 @@ def refuse(word: str):
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 @given(runs(), st.sampled_from(["strict", "rich"]))
 def test_every_report_of_any_run_is_well_formed_and_can_be_made_again(run: tuple[list[e.Event], bool], family: str):
-    """Live and from the journal to the last byte, with every planned test in it."""
+    """A report made from the journal has the same bytes as the live one, is well formed, and has every planned test."""
     events, ended = run
     with tempfile.TemporaryDirectory() as name:
         live, again = Path(name) / "live", Path(name) / "again"
@@ -271,7 +271,7 @@ def test_every_report_of_any_run_is_well_formed_and_can_be_made_again(run: tuple
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 @given(runs(), st.integers(-1, 2))
 def test_consoles_show_any_run_and_keep_the_terminal_whole(run: tuple[list[e.Event], bool], verbosity: int):
-    """No control character of anybody's gets through, and the verdict is the last line."""
+    """No control character reaches the terminal, and the verdict is the last line."""
     events, ended = run
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
@@ -284,7 +284,7 @@ LONG = "x]]>\x1b" + "y" * 1_000_000
 
 @pytest.mark.parametrize("family", ["strict", "rich"])
 def test_a_megabyte_in_every_text_is_survived(tmp_path: Path, family: str):
-    """A line of that length in whatever field: all files are valid, and JUnit stays readable."""
+    """With a line of a megabyte in every field, all files are valid, and the JUnit file stays readable."""
     test = "s1/" + LONG
     said = [
         e.Message(
@@ -329,7 +329,7 @@ def test_a_megabyte_in_every_text_is_survived(tmp_path: Path, family: str):
 
 
 def test_the_strategies_reach_what_they_are_for():
-    """A property is worth little if its runs are all empty."""
+    """The generated runs contain enough ended tests for the properties to mean something."""
     found = SimpleNamespace(tests=0)
 
     @settings(max_examples=50, deadline=None, database=None, suppress_health_check=[*HealthCheck])
@@ -342,7 +342,7 @@ def test_the_strategies_reach_what_they_are_for():
 
 
 def test_the_device_under_test_is_in_every_report(tmp_path: Path):
-    """Serial number, part and firmware are found again years later, in each format where its readers look."""
+    """Each report has the device's serial number, part and firmware where its format's readers look."""
     device = {"serial": "KA-1041", "part": "left_arm", "firmware": "1.4", "shelf <7>": "B"}
     journal_path = tmp_path / journal.FILE_NAME
     broadcast = Broadcast(journal.Journal(journal_path), [])

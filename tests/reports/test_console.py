@@ -1,4 +1,4 @@
-"""The console: what is shown at which verbosity, to whom, and that nobody can misuse it."""
+"""Tests of the console reporter: what each verbosity shows, and that no text can harm the terminal."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ if TYPE_CHECKING:
 
 @pytest.fixture(autouse=True)
 def plain(monkeypatch: pytest.MonkeyPatch):
-    """No choice about colours comes from outside."""
+    """Unset the variables that choose colours."""
     for name in ("NO_COLOR", "FORCE_COLOR", "CI"):
         monkeypatch.delenv(name, raising=False)
 
 
 @pytest.fixture
 def console(reports: Reports, capsys: pytest.CaptureFixture[str]):
-    """Shows a story and returns what came out and what went to standard error."""
+    """Shows a story and returns the texts of standard output and standard error."""
 
     def show(story: Story, **options: Any) -> Any:
         reports("console", story, target=None, **options)
@@ -59,7 +59,7 @@ def console(reports: Reports, capsys: pytest.CaptureFixture[str]):
 
 @pytest.fixture
 def rich_story(story: Story, check_failed: Callable[..., Message]):
-    """A bit of everything."""
+    """A story with events of every common kind."""
     story.begin(("arm", 4), fixtures=("sim",))
     story.add(
         Diagnosed(severity=Severity.WARNING, text="odd word", file="a.xml", line=3, column=4, hint="did you mean x?")
@@ -84,7 +84,7 @@ def rich_story(story: Story, check_failed: Callable[..., Message]):
 
 
 def test_a_line_a_test_and_the_verdict_last(console: Callable[..., Any], rich_story: Story, reports: Reports):
-    """The default."""
+    """By default the console shows one line a test, the failures, and the verdict last."""
     expected = f"""\
 Suite arm
   passed        t1  1.5 s
@@ -129,14 +129,14 @@ FAILED  1 failed, 1 blocked, 1 flaky, 1 passed in 12.5 s
 
 
 def test_the_end_can_be_the_verdict_alone(console: Callable[..., Any], rich_story: Story):
-    """With ``--no-summary``."""
+    """With ``--no-summary`` the console ends with the verdict's line alone."""
     out = console(rich_story, extra={"summary": "no"}).out
     assert "Failures" not in out
     assert out.endswith("no power\n\nFAILED  1 failed, 1 blocked, 1 flaky, 1 passed in 12.5 s\n")
 
 
 def test_quiet_shows_what_did_not_pass_and_one_line(console: Callable[..., Any], rich_story: Story):
-    """-q."""
+    """``-q`` shows the tests that did not pass, the incidents, and the verdict."""
     expected = """\
 fixture sim #1 in check: the program died (exit status 139, SIGSEGV), during arm/t3
   failed        arm/t3  250 ms
@@ -149,13 +149,13 @@ FAILED  1 failed, 1 blocked, 1 flaky, 1 passed in 12.5 s
 
 
 def test_a_quiet_run_that_passes_is_one_line(console: Callable[..., Any], story: Story):
-    """Nothing else."""
+    """A run that passes with ``-q`` prints one line."""
     story.begin(("arm", 1)).start("arm").test("arm/t1").end("arm").finish()
     assert console(story, verbosity=-1).out == "PASSED  1 passed in 12.5 s\n"
 
 
 def test_verbosity_adds_messages_and_then_output(console: Callable[..., Any], rich_story: Story):
-    """-v and -vv."""
+    """``-v`` adds messages and measurements; ``-vv`` adds output, phases and progress."""
     usual = console(rich_story).out
     verbose = console(rich_story, verbosity=1).out
     most = console(rich_story, verbosity=2).out
@@ -173,7 +173,7 @@ def test_verbosity_adds_messages_and_then_output(console: Callable[..., Any], ri
 
 
 def test_what_is_no_test_goes_to_standard_error(console: Callable[..., Any], story: Story):
-    """Diagnostics, interrupts, and the framework's own errors."""
+    """Interrupts and internal errors go to standard error."""
     story.begin(("arm", 0)).add(Interrupted(source="SIGINT", stage=1), InternalError(text="broke", traceback="trace"))
     assert (
         console(story).err == "interrupted by SIGINT: the running test goes on to its end, then the run stops; "
@@ -186,14 +186,14 @@ def test_what_is_no_test_goes_to_standard_error(console: Callable[..., Any], sto
     [(2, "stopping the running test; once more kills it"), (3, "killing what still runs")],
 )
 def test_an_interrupt_says_what_once_more_would_do(console: Callable[..., Any], story: Story, stage: int, said: str):
-    """Who wants it to end now need not guess."""
+    """The line of an interrupt says what the next Ctrl-C does."""
     story.begin(("arm", 0)).add(Interrupted(source="SIGINT", stage=stage))
     assert console(story).err == f"interrupted by SIGINT: {said}\n"
 
 
 @pytest.fixture
 def blocked_story(story: Story) -> Story:
-    """A fixture that never comes up, and all that stood on it."""
+    """A story of a fixture that never comes up, and of the tests that it blocks."""
     story.begin(("arm", 5), fixtures=("names",)).start("arm")
     for generation in (1, 2, 3):
         story.incident("arm", "names", "no answer", generation=generation, phase=Phase.SETUP, signal="", output="")
@@ -207,7 +207,7 @@ def blocked_story(story: Story) -> Story:
 def test_what_many_tests_have_in_common_is_said_once(
     console: Callable[..., Any], blocked_story: Story, reports: Reports
 ):
-    """A suite of a hundred tests without a name server is read on one screen."""
+    """A reason that many tests share is written once, so that a hundred blocked tests fit on one screen."""
     expected = f"""\
 fixture names #1 in setup: no answer
 fixture names #2 in setup: the same again
@@ -239,7 +239,7 @@ BLOCKED  5 blocked in 12.5 s
 def test_few_tests_are_named_and_the_same_is_not_said_twice(
     console: Callable[..., Any], story: Story, check_failed: Callable[..., Message]
 ):
-    """Names of tests that failed are never left out; what they say alike is said under the last."""
+    """Every failed test is named; a text that several tests share is written once, under the last of them."""
     story.begin(("arm", 5)).start("arm")
     for number in range(1, 5):
         test = f"arm/t{number}"
@@ -253,8 +253,8 @@ def test_few_tests_are_named_and_the_same_is_not_said_twice(
 
 
 @pytest.mark.parametrize("verbosity", [0, 1])
-def test_tracebacks_of_rtf_itself_are_for_the_curious(console: Callable[..., Any], story: Story, verbosity: int):
-    """Of a lost fixture and of a wrong parameter; a mistake in the test shows where it is."""
+def test_tracebacks_of_rtf_itself_need_verbosity(console: Callable[..., Any], story: Story, verbosity: int):
+    """Tracebacks of lost fixtures and wrong parameters are shown with ``-v`` only; those of a test's code, always."""
     story.begin(("arm", 3)).start("arm")
     for number, (verdict, detail, line) in enumerate(
         [
@@ -278,7 +278,7 @@ def test_tracebacks_of_rtf_itself_are_for_the_curious(console: Callable[..., Any
 
 
 def test_failures_of_suites_and_fixtures_are_always_shown(console: Callable[..., Any], story: Story):
-    """They belong to no test's line."""
+    """An error that belongs to a fixture and to no test is shown among the failures."""
     story.begin(("arm", 1)).start("arm").test("arm/t1")
     story.add(Message(severity=Severity.ERROR, title="teardown", detail="no answer", suite="arm", fixture="sim"))
     out = console(story.end("arm", Verdict.FAILED).finish()).out
@@ -287,7 +287,7 @@ def test_failures_of_suites_and_fixtures_are_always_shown(console: Callable[...,
 
 
 def test_questions_and_answers_are_shown(console: Callable[..., Any], story: Story):
-    """The person who is asked may look only here."""
+    """The console shows each question with its choices, and the answer with its source."""
     story.begin(("arm", 1)).start("arm")
     asked = Asked(test="arm/t1", question="q", text="Is it up?", choices=("yes", "no"))
     story.test("arm/t1", Verdict.PASSED, asked, Answered(test="arm/t1", question="q", source="timeout"))
@@ -299,7 +299,7 @@ def test_questions_and_answers_are_shown(console: Callable[..., Any], story: Sto
 def test_nothing_a_test_says_reaches_the_terminal_raw(
     console: Callable[..., Any], story: Story, check_failed: Callable[..., Message], verbosity: int
 ):
-    """Escape sequences, carriage returns, turned writing and rich's markup are shown as they are."""
+    """The console writes escape sequences, carriage returns, bidirectional marks and rich's markup as plain text."""
     evil = "\x1b[2J\x9b31m\r\x07\u202e[bold]x[/bold]\x00\ud800"
     story.begin(("arm", 2), fixtures=(evil,)).start("arm").fixture("arm", evil, FixtureState.STARTING, 2)
     said = [
@@ -317,7 +317,7 @@ def test_nothing_a_test_says_reaches_the_terminal_raw(
 def test_colours_only_when_they_are_wanted(
     console: Callable[..., Any], rich_story: Story, monkeypatch: pytest.MonkeyPatch
 ):
-    """Not in a pipe; FORCE_COLOR asks for them, NO_COLOR wins, the caller's choice beats both."""
+    """A pipe has no colours; FORCE_COLOR turns them on, NO_COLOR off, and the caller's choice counts more than both."""
     assert "\x1b" not in console(rich_story).out
     monkeypatch.setenv("FORCE_COLOR", "1")
     assert "\x1b[32mpassed" in console(rich_story).out
@@ -348,7 +348,7 @@ print("rich" in sys.modules, [str(error) for error in broadcast.results.internal
 
 @pytest.fixture
 def journal_path(rich_story: Story, tmp_path: Path) -> Path:
-    """The story on disk."""
+    """The story as a journal on disk."""
     path = tmp_path / FILE_NAME
     with closing(Journal(path)) as journal:
         for event in rich_story.events:
@@ -357,7 +357,7 @@ def journal_path(rich_story: Story, tmp_path: Path) -> Path:
 
 
 def on_a_terminal(command: list[str], **environment: str) -> tuple[str, str]:
-    """What a program writes to a terminal of 100 columns, and to standard error."""
+    """Return what a command writes to a terminal of 100 columns, and to standard error."""
     leader, follower = pty.openpty()
     fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", 30, 100, 0, 0))
     program = subprocess.Popen(
@@ -378,7 +378,7 @@ def on_a_terminal(command: list[str], **environment: str) -> tuple[str, str]:
 
 
 def test_a_terminal_gets_a_region_that_goes_away(journal_path: Path):
-    """The lines stay, the cursor comes back, and the verdict is the last line."""
+    """A terminal has a live region that disappears: the lines stay, the cursor comes back, the verdict is last."""
     out, err = on_a_terminal([sys.executable, "-c", SHOW, str(journal_path)], TERM="xterm-256color")
     assert err.endswith("True []\n")
     assert "sim #1 ready" in out
@@ -397,7 +397,7 @@ def test_nothing_moves_where_it_would_disturb(journal_path: Path, environment: d
 
 
 def test_a_reader_that_has_seen_enough_breaks_nothing(journal_path: Path):
-    """As in ``testrunner … | head -1``."""
+    """A closed pipe, as in ``testrunner … | head -1``, does not break the run."""
     reading, writing = os.pipe()
     os.close(reading)
     command = [sys.executable, "-c", SHOW.replace("sys.stdout.flush()", ""), str(journal_path)]

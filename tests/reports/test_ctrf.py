@@ -1,4 +1,4 @@
-"""CTRF: valid after the specification, and true about retries and about what is no test."""
+"""Tests of the CTRF reporter: valid by the specification, and correct about retries and about fixtures."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ STATUS = {"enum": ["passed", "failed", "skipped", "pending", "other"]}
 
 
 def shape(required: dict[str, Any], optional: dict[str, Any] | None = None):
-    """An object with these members and no others."""
+    """Return the schema of an object with these members and no others."""
     properties = {**required, **(optional or {}), "extra": {"type": "object"}}
     return {"type": "object", "required": [*required], "properties": properties, "additionalProperties": False}
 
@@ -90,7 +90,7 @@ SCHEMA = shape(
 
 
 def read(path: Path):
-    """The results, of a document that must be valid and whose counts must be right."""
+    """Return the results of a document, after checking the document and its counts."""
     document = json.loads(path.read_bytes())
     jsonschema.validate(document, SCHEMA)
     results = document["results"]
@@ -100,7 +100,7 @@ def read(path: Path):
 
 
 def test_verdicts_become_statuses(story: Story, reports: Reports):
-    """Five words for thirteen; the thirteenth part is in rawStatus."""
+    """Each of the thirteen verdicts has one of CTRF's five statuses, and its own word in ``rawStatus``."""
     story.begin(("arm", len(Verdict))).start("arm")
     for number, verdict in enumerate(Verdict, 1):
         story.test(f"arm/t{number}", verdict, detail="why")
@@ -119,7 +119,7 @@ def test_verdicts_become_statuses(story: Story, reports: Reports):
 def test_retries_are_what_came_before_the_last_attempt(
     story: Story, reports: Reports, check_failed: Callable[..., Message]
 ):
-    """As the specification has it since 0.0.4: the last attempt is the test itself."""
+    """The last attempt is the test itself, and the earlier ones are its retries, as CTRF says since 0.0.4."""
     story.begin(("arm", 1)).start("arm")
     said = [check_failed("arm/t1", "slipped"), OutputCaptured(stream="stdout", text="a\nb\n", test="arm/t1")]
     story.test("arm/t1", Verdict.FAILED, *said, final=False, detail="slipped")
@@ -139,7 +139,7 @@ def test_retries_are_what_came_before_the_last_attempt(
 def test_what_the_format_has_words_for_is_said_in_them(
     story: Story, reports: Reports, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    """Files, parts, parameters; measurements below extra."""
+    """Parameters, parts and files use CTRF's own members; measurements are below ``extra``."""
     monkeypatch.chdir(tmp_path)
     said = [
         ParametersResolved(test="arm/t1", parameters=({"name": "speed", "value": "3", "unit": "", "source": "x"},)),
@@ -157,7 +157,7 @@ def test_what_the_format_has_words_for_is_said_in_them(
 
 
 def test_a_case_of_a_program_names_its_program(story: Story, reports: Reports):
-    """The suites of a case are its suite and its program, whether it has run or not."""
+    """The suites of a case are its suite and its program, whether the case has run or not."""
     story.begin(("arm", 1)).add(story.planned("arm", "t1::a", parent="arm/t1", case="a"))
     story.add(story.planned("arm", "t1::b", parent="arm/t1", case="b"))
     story.start("arm").test("arm/t1").test("arm/t1::a", Verdict.FAILED)
@@ -170,7 +170,7 @@ def test_a_case_of_a_program_names_its_program(story: Story, reports: Reports):
 
 
 def test_a_fixture_that_was_given_up_is_a_failed_test(story: Story, reports: Reports):
-    """The tests it blocked are skipped, so something else must say that the run did not pass."""
+    """A fixture that was given up is a failed test, for the tests that it blocked are only skipped."""
     story.begin(("arm", 1)).start("arm").incident("arm", "sim").fixture("arm", "sim", FixtureState.FAILED)
     story.test("arm/t1", Verdict.BLOCKED, attempt=0).end("arm", Verdict.FAILED).finish()
     results = read(reports("ctrf", story))
@@ -178,7 +178,7 @@ def test_a_fixture_that_was_given_up_is_a_failed_test(story: Story, reports: Rep
 
 
 def test_a_fixture_that_came_back_fails_nothing(story: Story, reports: Reports):
-    """It is there to be seen."""
+    """A fixture that was restarted is a test with the status ``other``, which fails nothing."""
     story.begin(("arm", 1)).start("arm").incident("arm", "sim").fixture("arm", "sim", FixtureState.READY, 2)
     results = read(reports("ctrf", story.test("arm/t1").end("arm").finish()))
     assert [(t["name"], t["status"]) for t in results["tests"]] == [("t1", "passed"), ("fixture: sim", "other")]

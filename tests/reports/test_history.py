@@ -1,4 +1,4 @@
-"""The history reporter: a run is put in at its end, and what befalls the file changes nothing that is said of it."""
+"""Tests of the history reporter: it adds a run at its end, and a broken file changes no verdict."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def kept(path: Path) -> list[tuple[StoredRun, dict[str, str], dict[str, float | None]]]:
-    """The runs of a history, oldest first: each with the verdicts of its tests and its measurements."""
+    """Return the runs of a history, oldest first, each with its verdicts and measurements."""
     with History(path) as history:
         return [
             (
@@ -68,7 +68,7 @@ RUN = ("--suite", "s.xml", "-q", "--robot", "icub01", "--station", "bench", "--r
 
 
 def test_runs_of_a_station_come_together_in_one_file(folder: Path):
-    """What the run says of itself is what is kept, a failing one and a passing one."""
+    """The history has each run with its verdicts, measurements, robot and station, whether the run passed or failed."""
     assert run_command(folder, *RUN, ERROR="1.5").exit_code == ExitCode.FAILURES
     assert run_command(folder, *RUN).exit_code == ExitCode.PASSED
     first, second = kept(folder / "h.sqlite")
@@ -82,14 +82,14 @@ def test_runs_of_a_station_come_together_in_one_file(folder: Path):
 
 
 def test_without_a_file_it_is_the_users_own(folder: Path):
-    """In the place that the system has for data."""
+    """Without a file's name, the history is in the user's data folder."""
     done = run_command(folder, *RUN[:-1], "history", XDG_DATA_HOME=str(folder / "data"))
     assert done.exit_code == 0
     assert len(kept(folder / "data" / "rtf" / "history.sqlite")) == 1
 
 
 def test_a_report_made_later_says_the_same(folder: Path):
-    """Live and from the journal to the last bit; the run is in it once."""
+    """``testrunner report`` adds from the journal exactly what the run added, and adds a run only once."""
     run_command(folder, *RUN)
     before = kept(folder / "h.sqlite")
     for target in ("h.sqlite", "new.sqlite"):
@@ -98,7 +98,7 @@ def test_a_report_made_later_says_the_same(folder: Path):
 
 
 def test_a_killed_run_is_not_in_it_until_it_is_resumed_or_taken_in(folder: Path):
-    """Nothing is put in before the end; what is taken in later says that it was interrupted."""
+    """A killed run is not in the history; ``--import`` adds it as interrupted, and refuses a run that goes on."""
     running = Command(folder, *RUN, HANG="1")
     running.wait_for(lambda events: any(isinstance(e, Measured) and e.name == "before" for e in events))
     told = run_command(folder, "history", "--import", "rtf-runs/latest", "--history", "h.sqlite")
@@ -129,7 +129,7 @@ def test_a_killed_run_is_not_in_it_until_it_is_resumed_or_taken_in(folder: Path)
     ],
 )
 def test_a_history_that_cannot_be_opened_is_an_error_before_the_run(folder: Path, target: str, told: str):
-    """With the hint; no test has run."""
+    """A history that cannot be opened is a usage error with a hint, before any test runs."""
     done = run_command(folder, *RUN[:-1], f"history={target}")
     assert done.exit_code == ExitCode.USAGE
     assert done.stderr.startswith("testrunner: report history cannot be written: cannot use the history")
@@ -138,7 +138,7 @@ def test_a_history_that_cannot_be_opened_is_an_error_before_the_run(folder: Path
 
 
 def test_a_history_that_may_not_be_written_is_an_error_before_the_run_and_can_be_read(folder: Path):
-    """As in an archive: the folder and the file are read-only."""
+    """A read-only history is a usage error for a run, and can still be read."""
     run_command(folder, *RUN)
     archive = folder / "archive"
     archive.mkdir()
@@ -157,7 +157,7 @@ def test_a_history_that_may_not_be_written_is_an_error_before_the_run_and_can_be
 
 
 def without_privilege(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    """Run ``testrunner`` as somebody whom the permissions of files stop, which the superuser is not."""
+    """Run ``testrunner`` under the permissions of files, which do not stop the superuser."""
     if os.geteuid() == 0 and shutil.which("setpriv") is None:
         pytest.skip("the superuser cannot be stopped without setpriv")
     stopped = ["setpriv", "--bounding-set=-dac_override"] if os.geteuid() == 0 else []
@@ -178,7 +178,7 @@ class Spoiler(TestCase):
 
 
 def test_a_history_lost_during_the_run_changes_no_verdict(folder: Path):
-    """It is said at the end, with the command that puts the run in; and that command does."""
+    """A history that cannot be written at the end changes no verdict; the printed command adds the run later."""
     write_files(folder, {"spoiler__py": SPOILER})
     done = run_command(folder, "--test", "spoiler.py", "--report", "history=data/h.sqlite")
     assert done.exit_code == ExitCode.PASSED
@@ -192,7 +192,7 @@ def test_a_history_lost_during_the_run_changes_no_verdict(folder: Path):
 
 
 def test_a_journal_that_cannot_be_read_changes_no_verdict(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """It is said at the end, and nothing of the run is put in."""
+    """A broken journal is reported at the end, and nothing of its run is added."""
     (tmp_path / FILE_NAME).write_text('{"event":"run_started","run":"r","version":"1"}\nnothing\nnothing\n')
     reporter = load_reporter("history")(ReportOptions(tmp_path / "h.sqlite", tmp_path))
     reporter.open()
@@ -204,14 +204,14 @@ def test_a_journal_that_cannot_be_read_changes_no_verdict(tmp_path: Path, monkey
 
 
 def test_without_a_journal_there_is_nothing_to_take_from(tmp_path: Path):
-    """It is said before anything is opened."""
+    """A run folder without a journal is an error, and the history's file is not created."""
     with pytest.raises(FileNotFoundError, match=FILE_NAME):
         load_reporter("history")(ReportOptions(tmp_path / "h.sqlite", tmp_path)).open()
     assert not [*tmp_path.iterdir()]
 
 
 def test_the_reporter_leaves_nothing_open_during_the_run(tmp_path: Path):
-    """A file that is moved, pruned or copied meanwhile is nobody's problem."""
+    """The reporter keeps no file open during the run, so that the history can be moved or copied."""
     path = tmp_path / "h.sqlite"
     (tmp_path / FILE_NAME).touch()
     reporter = load_reporter("history")(ReportOptions(path, tmp_path))
@@ -221,7 +221,7 @@ def test_the_reporter_leaves_nothing_open_during_the_run(tmp_path: Path):
 
 
 def test_a_story_is_kept_whole(reports: Any, story: Any, tmp_path: Path):
-    """Through the broadcast, with a retry, a test that never ran, and a text that is none."""
+    """The history has a retried test, a test that never ran, an infinite value, and text that is not valid Unicode."""
     story.begin(("s", 3), robot="\udc80")
     story.start("s").test("s/t1", Verdict.FAILED, final=False).test("s/t1", Verdict.FLAKY, attempt=2)
     story.test("s/t2", Verdict.PASSED, Measured(test="s/t2", name="error", value=float("inf")))

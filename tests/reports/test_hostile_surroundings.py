@@ -1,4 +1,4 @@
-"""Reports where things go wrong around them: killed runners, links and devices, full disks, reporters that hang."""
+"""Tests of reports when their surroundings fail: killed runners, links, devices, full disks, reporters that hang."""
 
 from __future__ import annotations
 
@@ -60,14 +60,14 @@ class Hanging(Reporter):
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A folder with a suite of ten tests that pass and say much."""
+    """A folder with a suite of ten tests that pass and write much."""
     tests = "".join(f'<test name="t{number}"> ok </test>' for number in range(10))
     write_files(tmp_path, {"ok.py": PASS, "stuck.py": STUCK, "s.xml": f'<suite name="s">{tests}</suite>'})
     return tmp_path
 
 
 def cases(path: Path) -> dict[str | None, list[str]]:
-    """The cases of a JUnit file, each with the messages of its errors and failures."""
+    """Return the cases of a JUnit file, each with the messages of its errors and failures."""
     found = etree.parse(path).iter("testcase")
     return {case.get("name"): [str(one.get("message")) for one in case.iter("error", "failure")] for case in found}
 
@@ -76,7 +76,7 @@ def cases(path: Path) -> dict[str | None, list[str]]:
 
 
 def test_reports_of_a_killed_runner_are_complete(folder: Path):
-    """After SIGKILL each file is whole, has what was told so far, and says that the rest was not run."""
+    """After SIGKILL each report is valid, has the results so far, and says that the other tests were not run."""
     (folder / "k.xml").write_text(
         '<suite name="k"><test name="a"> ok </test><test name="b"> stuck </test><test name="c"> ok </test></suite>'
     )
@@ -106,7 +106,7 @@ def test_reports_of_a_killed_runner_are_complete(folder: Path):
 
 @pytest.mark.parametrize("name", ["junit", "json", "ctrf", "text"])
 def test_a_report_goes_through_a_link(story: Story, reports: Reports, name: str):
-    """The link stays, and leads to the report, in a folder that is not the link's."""
+    """A report whose target is a link replaces the file that the link names; the link stays."""
     place = reports.folder / "elsewhere" / "report"
     place.parent.mkdir()
     link = reports.folder / "link"
@@ -119,7 +119,7 @@ def test_a_report_goes_through_a_link(story: Story, reports: Reports, name: str)
 
 @pytest.mark.parametrize("place", ["-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"])
 def test_a_report_is_written_to_standard_output(folder: Path, place: str):
-    """Nothing is renamed there, and what is on the other side gets the report once."""
+    """A report to standard output is written once, and creates no file."""
     made = run_command(folder, "--suite", "s.xml", "-q", "--junit", place)
     assert made.exit_code == 0
     assert made.stdout.count("<testsuites ") == made.stdout.count("</testsuites>") == 1
@@ -149,7 +149,7 @@ def test_devices_and_pipes_stay_what_they_are(story: Story, reports: Reports):
 
 
 def test_only_our_own_marks_reach_jenkins(story: Story, reports: Reports):
-    """A program that prints the mark of an attachment does not have any file of the machine attached."""
+    """A program that prints Jenkins' mark of an attachment does not have a file of the machine attached."""
     evil = "[[ATTACHMENT|/etc/passwd]]"
     said = [
         OutputCaptured(stream="stdout", text=f"x {evil}\n[", test="arm/t1"),
@@ -171,7 +171,7 @@ def test_only_our_own_marks_reach_jenkins(story: Story, reports: Reports):
 
 
 def test_a_full_disk_is_told_once_and_the_list_of_reports_is_true(folder: Path):
-    """No traceback; the hint is there; the reports that are not complete are named as such at the end."""
+    """A full disk is one internal error with a hint and no traceback; the list of reports marks the incomplete ones."""
     reports = ("--junit", "j.xml", "--json", "j.json", "--ctrf", "c.json")
     command = [sys.executable, "-m", "rtf.cli.testrunner", "--suite", "s.xml", *reports]
     script = 'ulimit -f 16; exec "$@"'
@@ -191,7 +191,7 @@ def test_a_full_disk_is_told_once_and_the_list_of_reports_is_true(folder: Path):
 
 
 def test_too_few_open_files_are_told_in_one_line(folder: Path):
-    """Nothing is begun that could not be finished."""
+    """A limit of open files that is too low is one line that names ``ulimit -n``, before the run begins."""
     command = [sys.executable, "-m", "rtf.cli.testrunner", "--suite", "s.xml", "-q", "-j", "4"]
     script = 'ulimit -n 40; exec "$@"'
     made = subprocess.run(
@@ -216,7 +216,7 @@ def test_too_few_open_files_are_told_in_one_line(folder: Path):
     ],
 )
 def test_a_reporter_that_hangs_is_named_and_left_behind(folder: Path, method: str, code: int):
-    """The other reports are complete, and the exit code says that the framework had a problem."""
+    """A reporter that hangs is named and left out, other reports are complete, and the exit code says so."""
     (folder / "hanging.py").write_text(HANGING.format(method=method))
     words = ("--suite", "s.xml", "--report", "hanging", "--junit", "j.xml")
     made = run_command(folder, *words, RTF_PLUGIN_PATH=str(folder))
@@ -229,7 +229,7 @@ def test_a_reporter_that_hangs_is_named_and_left_behind(folder: Path, method: st
 
 @pytest.mark.parametrize("signals", [1, 4])
 def test_a_report_that_cannot_be_closed_holds_up_no_interrupt(folder: Path, signals: int):
-    """Whoever presses Ctrl-C while reports are written has the prompt back at once, and the other reports complete."""
+    """Ctrl-C ends a run within seconds while a reporter hangs, and the other reports are complete."""
     (folder / "hanging.py").write_text(HANGING.format(method="close(self, results)").replace("0.2", "600.0"))
     words = ("--suite", "s.xml", "--report", "hanging", "--junit", "j.xml")
     command = Command(folder, *words, RTF_PLUGIN_PATH=str(folder))
@@ -247,7 +247,7 @@ def test_a_report_that_cannot_be_closed_holds_up_no_interrupt(folder: Path, sign
 
 
 def test_a_reporter_that_leaves_by_an_exit_is_left_out(story: Story, tmp_path: Path):
-    """Neither the run nor the other reporters end with it, and all hear of it in the order of the numbers."""
+    """A reporter that calls ``sys.exit`` is left out; the others get every event, in order."""
 
     class Leaving(Reporter):
         plugin_name = "leaving"

@@ -1,4 +1,4 @@
-"""The page as a report: of any run and any journal, whole or not there."""
+"""Tests of the HTML report: of runs that ended, were interrupted or killed, and of journals that cannot be read."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def probe(tmp_path: Path) -> Path:
 
 
 def test_the_report_command_writes_the_same_bytes_as_the_run(probe: Path):
-    """The journal holds everything; series and attachments are in both."""
+    """``testrunner report`` writes the same bytes as the run, with its series and attachments."""
     ran = run_command(probe, "--test", "probe.py", "--report", "html=live.html")
     assert ran.exit_code == 0
     again = run_command(probe, "report", "rtf-runs/latest", "--report", "html=later.html")
@@ -59,7 +59,7 @@ def test_the_report_command_writes_the_same_bytes_as_the_run(probe: Path):
 
 
 def test_it_is_written_when_the_run_is_interrupted(probe: Path):
-    """On every exit path."""
+    """A run that is interrupted twice still writes its page, with the whole journal."""
     command = Command(probe, "--test", "slow.py", "--grace", "0.3", "--report", "html=live.html")
     command.wait_for(lambda events: any(isinstance(event, TestStarted) for event in events))
     for stage in (1, 2):  # after the test; now
@@ -71,7 +71,7 @@ def test_it_is_written_when_the_run_is_interrupted(probe: Path):
 
 
 def test_a_run_that_was_killed_can_be_shown(probe: Path):
-    """Its page tells that the runner was killed under the test; the one it left behind can be read, too."""
+    """A killed run leaves a readable page; a page made later says that the runner was killed under the test."""
     command = Command(probe, "--test", "slow.py", "--grace", "0.3", "--report", "html=live.html")
     command.wait_for(lambda events: any(isinstance(event, TestStarted) for event in events))
     eventually((probe / "live.html").exists, "there is no page")
@@ -85,7 +85,7 @@ def test_a_run_that_was_killed_can_be_shown(probe: Path):
 
 
 def test_a_report_is_whole_or_not_there(tmp_path: Path):
-    """An old file stays as it is when the new one cannot be made, and nothing is left beside it."""
+    """An old page stays as it is when the new one cannot be made, and no partial file is left."""
     folder = tmp_path / "run"
     folder.mkdir()
     (folder / FILE_NAME).write_bytes(to_line(RunStarted(run="r", version="1")) + b"nonsense\n" * 2)
@@ -101,21 +101,21 @@ def test_a_report_is_whole_or_not_there(tmp_path: Path):
 
 
 def test_without_a_journal_it_is_refused_before_the_run(tmp_path: Path):
-    """With what is missing."""
+    """A reporter without a journal fails when it is opened, and names the journal."""
     reporter = load_reporter("html")(ReportOptions(tmp_path / "report.html", tmp_path))
     with pytest.raises(FileNotFoundError, match=FILE_NAME):
         reporter.open()
 
 
 def test_without_a_target_it_goes_to_standard_output(probe: Path):
-    """The page and nothing else, so that it can be piped."""
+    """Without a target the page goes to standard output, and nothing else does."""
     run_command(probe, "--test", "probe.py")
     shown = run_command(probe, "report", "rtf-runs/latest", "--quiet", "--report", "html")
     assert shown.stdout.startswith("<!doctype html>")
 
 
 def test_an_earlier_run_and_the_history_are_put_in(probe: Path):
-    """The run itself is among the trends."""
+    """The page has the run of ``--compare`` and the history, in which the run itself is included."""
     common = ("--test", "probe.py", "--history", "history.sqlite")
     run_command(probe, *common, "--run-folder", "first")
     run_command(probe, *common, "--run-folder", "second", "--compare", "first", "--html", "page.html")
@@ -126,7 +126,7 @@ def test_an_earlier_run_and_the_history_are_put_in(probe: Path):
 
 
 def test_an_earlier_run_that_is_not_there_is_an_error_before_the_run(probe: Path):
-    """Nothing has moved yet."""
+    """A run of ``--compare`` that does not exist is a usage error, before any test runs."""
     ran = run_command(probe, "--test", "probe.py", "--compare", "gone", "--html", "page.html")
     assert ran.exit_code == 4
     assert "gone" in ran.stderr
@@ -134,7 +134,7 @@ def test_an_earlier_run_that_is_not_there_is_an_error_before_the_run(probe: Path
 
 
 def test_a_history_that_cannot_be_read_is_told_of_in_the_page(tmp_path: Path):
-    """A page without trends is better than none."""
+    """A history that cannot be read is no internal error: the page is made without it and names its path."""
     (tmp_path / FILE_NAME).write_bytes(to_line(RunStarted(run="r", version="1")))
     (tmp_path / "history.sqlite").write_bytes(b"no database" * 100)
     target = tmp_path / "report.html"

@@ -1,4 +1,4 @@
-"""The JSON record: complete, described by its schema, and small in memory while it grows."""
+"""Tests of the JSON report: complete, described by its schema, and written while the run goes on."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 
 def strict(schema: Any):
-    """The schema with every object closed: it must know whatever the reporter writes."""
+    """Return the schema with every object closed, so that it must know each member that the reporter writes."""
     if isinstance(schema, dict):
         closed = {name: strict(member) for name, member in schema.items()}
         return closed | {"additionalProperties": False} if "properties" in closed else closed
@@ -49,7 +49,7 @@ def strict(schema: Any):
 
 @pytest.fixture(scope="session")
 def validator():
-    """Checks a document against the schema that is shipped."""
+    """A validator of the schema that RTF ships."""
     schema = json.loads((plugins.shipped_folder("report") / "result.schema.json").read_bytes())
     jsonschema.Draft202012Validator.check_schema(schema)
     return jsonschema.Draft202012Validator(strict(schema))
@@ -61,14 +61,14 @@ def refuse(word: str):
 
 
 def read(path: Path, validator: Draft202012Validator):
-    """The document, which must be strict JSON and fit the schema."""
+    """Return the document, after checking that it is strict JSON and fits the schema."""
     document = json.loads(path.read_bytes(), parse_constant=refuse)
     validator.validate(document)
     return document
 
 
 def everything(story: Story, check_failed: Callable[..., Message]):
-    """A story in which everything that can be told is told."""
+    """A story with every event that a report can have."""
     said = [
         PhaseStarted(test="arm/t1", phase=Phase.RUN, repetition=1, limit=300.0),
         ParametersResolved(test="arm/t1", parameters=({"name": "n", "value": "3", "unit": "deg", "source": "ini"},)),
@@ -115,7 +115,7 @@ def everything(story: Story, check_failed: Callable[..., Message]):
 def test_everything_that_was_said_is_in_the_record(
     story: Story, reports: Reports, check_failed: Callable[..., Message], validator: Draft202012Validator
 ):
-    """Under the names of the schema, in order, with what follows the end of a suite."""
+    """The report has every event's content under the schema's names, in order, with what follows the end of a suite."""
     document = read(reports("json", everything(story, check_failed)), validator)
     (suite,) = document["suites"]
     (fixture,) = suite["fixtures"]
@@ -148,7 +148,7 @@ def test_everything_that_was_said_is_in_the_record(
 def test_a_test_that_was_running_when_the_journal_stopped_is_told(
     story: Story, reports: Reports, check_failed: Callable[..., Message], validator: Draft202012Validator
 ):
-    """Its attempt has no outcome, but what it said is there."""
+    """A test that was running when the journal stopped has an attempt without outcome, with its messages."""
     story.begin(("arm", 1)).start("arm").failing("arm/t1")
     del story.events[-1]
     (test,) = read(reports("json", story), validator)["suites"][0]["tests"]
@@ -158,7 +158,7 @@ def test_a_test_that_was_running_when_the_journal_stopped_is_told(
 def test_a_test_that_is_run_again_keeps_its_earlier_attempts(
     story: Story, reports: Reports, validator: Draft202012Validator
 ):
-    """When a run is resumed, an interrupted test runs once more."""
+    """A test that a resumed run runs again keeps its interrupted attempt."""
     story.begin(("arm", 1)).start("arm").test("arm/t1", Verdict.INTERRUPTED).test("arm/t1").end("arm").finish()
     (test,) = read(reports("json", story), validator)["suites"][0]["tests"]
     assert [attempt["outcome"] for attempt in test["attempts"]] == ["interrupted", "passed"]
@@ -167,13 +167,13 @@ def test_a_test_that_is_run_again_keeps_its_earlier_attempts(
 def test_it_goes_to_standard_output_without_a_target(
     story: Story, reports: Reports, capfdbinary: pytest.CaptureFixture[bytes]
 ):
-    """One document, and nothing else."""
+    """Without a target the report goes to standard output, as one document and nothing else."""
     reports("json", story.begin(("arm", 1)).start("arm").test("arm/t1").end("arm").finish(), target=None)
     assert json.loads(capfdbinary.readouterr().out)["format"] == "rtf-result"
 
 
 def test_a_report_is_whole_or_not_there(story: Story, reports: Reports):
-    """It replaces an old file in one step, while the run goes on, too; nothing else stays behind."""
+    """The report replaces an old file in one step, also while the run goes on, and leaves no other file."""
     old = reports.folder / "result.json"
     old.write_text("old")
     reports("json", story.begin(("arm", 2)).start("arm").test("arm/t1"), close=False)
@@ -188,6 +188,6 @@ def test_a_report_is_whole_or_not_there(story: Story, reports: Reports):
 
 
 def test_a_folder_that_does_not_exist_is_made(story: Story, reports: Reports):
-    """The run's folder may be new."""
+    """The reporter makes the folders of its target."""
     target = reports.folder / "new" / "er" / "result.json"
     assert reports("json", story, target=target).is_file()

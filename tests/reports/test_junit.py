@@ -1,4 +1,4 @@
-"""JUnit XML: what each consumer needs, told as rules. See docs/decisions/0003-junit-writer.md."""
+"""Tests of the JUnit XML that its consumers need. See docs/decisions/0003-junit-writer.md."""
 
 from __future__ import annotations
 
@@ -35,31 +35,31 @@ SCHEMA = etree.XMLSchema(etree.parse(Path(__file__).parents[1] / "data" / "junit
 
 
 def read(path: Path):
-    """The document, which must be valid."""
+    """Return the root of a document, after checking it against the schema."""
     document = etree.parse(path)
     SCHEMA.assertValid(document)
     return document.getroot()
 
 
 def case(root: Any, name: str):
-    """The one test case of this name."""
+    """Return the one test case of this name."""
     (found,) = [element for element in root.iter("testcase") if element.get("name") == name]
     return found
 
 
 def kinds(root: Any):
-    """Each case with the elements that consumers read as its verdict."""
+    """Return each case's elements that consumers read as its verdict."""
     words = {"failure", "error", "skipped", "flakyFailure", "rerunFailure"}
     return {e.get("name"): [child.tag for child in e if child.tag in words] for e in root.iter("testcase")}
 
 
 def out_of(element: Any):
-    """The lines of system-out."""
+    """Return the lines of an element's system-out."""
     return element.findtext("system-out").splitlines()
 
 
 def test_every_verdict_becomes_what_it_means(story: Story, reports: Reports):
-    """Wrong is a failure, could not be tested is an error, did not run is skipped; nothing bad is a pass."""
+    """Failed is a failure, could not be tested is an error, did not run is skipped; nothing bad is a pass."""
     expected = {
         Verdict.PASSED: [],
         Verdict.MEASURED: [],
@@ -102,7 +102,7 @@ def test_counts_times_and_names_are_those_of_the_schema(story: Story, reports: R
 
 
 def test_two_tests_of_one_name_are_told_apart(story: Story, reports: Reports):
-    """By their ids: GitLab passes over a second case of the same class and name."""
+    """Tests of one name are written by their ids, for GitLab ignores a second case of the same class and name."""
     story.begin(("arm", 0))
     for suite_test in ("a", "b", "c"):
         story.add(TestPlanned(test=f"arm/{suite_test}", suite="arm", name="same"))
@@ -114,7 +114,7 @@ def test_two_tests_of_one_name_are_told_apart(story: Story, reports: Reports):
 
 
 def test_a_failure_without_a_word_is_still_a_failure(story: Story, reports: Reports):
-    """Neither the message nor the text is empty, for some readers drop such an element and show a pass."""
+    """A failure's message and text are never empty, for some readers drop an empty element and show a pass."""
     story.begin(("arm", 2)).start("arm").test("arm/t1", Verdict.FAILED).test("arm/t2", Verdict.ERROR, detail=" ")
     root = read(reports("junit", story.end("arm", Verdict.FAILED).finish()))
     for name, kind in (("t1", "failure"), ("t2", "error")):
@@ -124,7 +124,7 @@ def test_a_failure_without_a_word_is_still_a_failure(story: Story, reports: Repo
 
 
 def test_a_failure_of_a_part_is_told_once(story: Story, reports: Reports):
-    """The reason of a test and its first message are one, though the message has a title; what else failed follows."""
+    """A test's reason and its first message, even with a title, are written once; other failures follow."""
     first = Message(
         severity=Severity.FAILURE,
         title="measures",
@@ -142,7 +142,7 @@ def test_a_failure_of_a_part_is_told_once(story: Story, reports: Reports):
 
 
 def test_control_characters_are_shown(story: Story, reports: Reports):
-    """XML cannot carry them, and leaving them out would leave the rest of a colour code behind."""
+    """Control characters, which XML cannot carry, are written as ``#x1B``."""
     story.begin(("arm", 1)).start("arm").failing("arm/t1", "\x1b[31mred\x00 ]]> \ud800 & <b>")
     root = read(reports("junit", story.end("arm", Verdict.FAILED).finish()))
     assert case(root, "t1").find("failure").get("message") == "#x1B[31mred#x00 ]]> #xD800 & <b>"
@@ -151,7 +151,10 @@ def test_control_characters_are_shown(story: Story, reports: Reports):
 def test_attachments_come_first_one_a_line_relative_to_the_working_folder(
     story: Story, reports: Reports, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    """Jenkins searches the first 500 characters of a passing case; GitLab wants paths from the project's root."""
+    """Attachments are the first lines, relative to the working folder.
+
+    Jenkins searches the first 500 characters of a passing case; GitLab wants paths from the project's root.
+    """
     monkeypatch.chdir(tmp_path)
     files = [
         Attached(test="arm/t1", name=name, path=f"files/{name}", media_type="image/png")
@@ -167,7 +170,7 @@ def test_attachments_come_first_one_a_line_relative_to_the_working_folder(
 
 
 def measured(story: Story):
-    """A story of one test that measures, has parameters and a place."""
+    """A story of one test that measures, and has parameters and a place."""
     value = Measured(
         test="arm/t1",
         name="reach",
@@ -186,7 +189,7 @@ def measured(story: Story):
 
 
 def test_strict_says_measurements_and_places_in_system_out(story: Story, reports: Reports):
-    """The schema has no properties, file or line for a case."""
+    """The family ``strict`` writes measurements and places into system-out, for a case has no properties in it."""
     lines = out_of(case(read(reports("junit", measured(story))), "t1"))
     assert "[[PROPERTY|file=/lab/suites/arm.xml]]" in lines
     assert "[[PROPERTY|line=1]]" in lines
@@ -196,7 +199,7 @@ def test_strict_says_measurements_and_places_in_system_out(story: Story, reports
 
 
 def test_rich_says_them_as_attributes_and_properties(story: Story, reports: Reports):
-    """What pytest writes, and EnricoMi's and mikepenz's actions read."""
+    """The family ``rich`` writes them as attributes and properties, as pytest does and as some GitHub actions read."""
     path = reports("junit", measured(story), extra={"junit-family": "rich"})
     found = case(etree.parse(path).getroot(), "t1")
     properties = {item.get("name"): item.get("value") for item in found.iter("property")}
@@ -206,13 +209,13 @@ def test_rich_says_them_as_attributes_and_properties(story: Story, reports: Repo
 
 
 def test_an_unknown_family_is_refused_before_the_run(story: Story, reports: Reports):
-    """A typing error must not cost a run."""
+    """An unknown family is an error before the run."""
     with pytest.raises(ValueError, match="strict and rich"):
         reports("junit", story, extra={"junit-family": "xunit3"})
 
 
 def retried(story: Story, check_failed: Callable[..., Message], verdict: Verdict, outcome: Verdict):
-    """A story of one test that fails first."""
+    """A story of one test that fails first and is repeated."""
     story.begin(("arm", 1)).start("arm")
     said = [check_failed("arm/t1", "slipped"), OutputCaptured(stream="stdout", text="first go\n", test="arm/t1")]
     story.test("arm/t1", Verdict.FAILED, *said, final=False, detail="slipped", reason="failure")
@@ -223,7 +226,7 @@ def retried(story: Story, check_failed: Callable[..., Message], verdict: Verdict
 def test_a_flaky_test_passes_and_shows_its_earlier_attempt(
     story: Story, reports: Reports, check_failed: Callable[..., Message]
 ):
-    """Jenkins reads flakyFailure, and not flakyError."""
+    """A flaky test is a pass with its earlier attempt as flakyFailure, which Jenkins reads, unlike flakyError."""
     path = reports("junit", retried(story, check_failed, Verdict.FLAKY, Verdict.PASSED))
     root = read(path)
     earlier = case(root, "t1").find("flakyFailure")
@@ -236,13 +239,13 @@ def test_a_flaky_test_passes_and_shows_its_earlier_attempt(
 
 
 def test_retries_that_all_failed_are_one_failure(story: Story, reports: Reports, check_failed: Callable[..., Message]):
-    """The last attempt is the verdict, the earlier ones are told with it."""
+    """A test that fails in all attempts is one failure; the earlier attempts are rerunFailure elements."""
     root = read(reports("junit", retried(story, check_failed, Verdict.FAILED, Verdict.FAILED)))
     assert list(kinds(root).values()) == [["failure", "rerunFailure"]]
 
 
 def collapsed(story: Story, *, back: bool):
-    """A story of a fixture that collapsed between two tests."""
+    """A story of a fixture that collapses between two tests, and comes back or is given up."""
     story.begin(("arm", 2), fixtures=("sim",)).start("arm").fixture("arm", "sim", FixtureState.READY).test("arm/t1")
     story.incident("arm", "sim").fixture("arm", "sim", FixtureState.COLLAPSED)
     if back:
@@ -254,7 +257,7 @@ def collapsed(story: Story, *, back: bool):
 
 
 def test_a_fixture_that_came_back_is_seen_and_not_red(story: Story, reports: Reports):
-    """RTF calls the run passed, and so does the file; what happened is told like an earlier attempt."""
+    """A fixture that was restarted is a passing case with its collapse as flakyFailure."""
     root = read(reports("junit", collapsed(story, back=True)))
     found = case(root, "fixture: sim")
     assert (root.get("failures"), root.get("errors")) == ("0", "0")
@@ -263,7 +266,7 @@ def test_a_fixture_that_came_back_is_seen_and_not_red(story: Story, reports: Rep
 
 
 def test_a_fixture_that_was_given_up_is_an_error(story: Story, reports: Reports):
-    """The tests that it blocked are skipped with the reason, so something else must make the file red."""
+    """A fixture that was given up is an error, for the tests that it blocked are only skipped."""
     root = read(reports("junit", collapsed(story, back=False)))
     error = case(root, "fixture: sim").find("error")
     assert (error.get("type"), error.get("message")) == ("FixtureCollapsed", "given up: restarts used up")
@@ -272,14 +275,14 @@ def test_a_fixture_that_was_given_up_is_an_error(story: Story, reports: Reports)
 
 
 def test_a_failing_teardown_of_a_fixture_is_an_error(story: Story, reports: Reports):
-    """All tests passed, the exit code is 1 all the same, and the file shows why."""
+    """A fixture's failing teardown is an error in the file even if all tests passed."""
     story.begin(("arm", 1)).start("arm").test("arm/t1").incident("arm", "sim", phase=Phase.TEARDOWN)
     root = read(reports("junit", story.end("arm").finish()))
     assert root.get("errors") == "1"
 
 
 def test_problems_of_a_suite_are_never_lost(story: Story, reports: Reports):
-    """The C++ framework's file showed a green run for a fixture that could not be set up."""
+    """An error of a suite is an error case; the C++ framework's file was green for a fixture that failed in setup."""
     story.begin(("arm", 1)).start("arm").test("arm/t1")
     story.add(Message(severity=Severity.ERROR, title="teardown", detail="no answer", suite="arm"))
     root = read(reports("junit", story.end("arm", Verdict.FAILED).finish()))
@@ -287,7 +290,7 @@ def test_problems_of_a_suite_are_never_lost(story: Story, reports: Reports):
 
 
 def test_a_suite_without_tests_is_seen(story: Story, reports: Reports):
-    """Jenkins drops a suite that has no case."""
+    """A suite without tests has a skipped case, for Jenkins drops a suite that has none."""
     root = read(reports("junit", story.begin(("arm", 0), ("leg", 1)).start("leg").test("leg/t1").end("leg").finish()))
     assert kinds(root)["(no tests)"] == ["skipped"]
 
@@ -302,20 +305,20 @@ def test_a_suite_without_tests_is_seen(story: Story, reports: Reports):
     ],
 )
 def test_a_run_that_did_not_pass_is_red(story: Story, reports: Reports, events: list[Any], exit_code: int, name: str):
-    """Whatever the exit code says has a case, even where no test is to blame."""
+    """Each reason for an exit code other than 0 has an error case, even where no test is to blame."""
     story.begin(("arm", 1)).start("arm").test("arm/t1", Verdict.SKIPPED).end("arm").add(*events)
     root = read(reports("junit", story.finish(exit_code)))
     assert case(root, name).find("error") is not None
 
 
 def test_a_run_that_was_cut_off_is_red(story: Story, reports: Reports):
-    """A journal without an end comes from a runner that died."""
+    """A journal without an end, of a runner that died, is an error case."""
     root = read(reports("junit", story.begin(("arm", 2)).start("arm").test("arm/t1")))
     assert "did not end in order" in case(root, "run").find("error").get("message")
 
 
 def test_the_file_is_there_while_the_run_goes_on(story: Story, reports: Reports):
-    """Jenkins' real-time plug-in shows it. Should the runner be killed now, what was not run is an error in it."""
+    """The file exists during the run; it has an error for each test that has not run, in case the runner is killed."""
     story.begin(("arm", 2), ("leg", 1)).start("arm").test("arm/t1").add(TestStarted(test="arm/t2"))
     path = reports("junit", story, close=False)
     expected = {
@@ -335,7 +338,7 @@ def test_the_file_is_there_while_the_run_goes_on(story: Story, reports: Reports)
 
 
 def test_much_output_of_a_passing_test_is_bounded(story: Story, reports: Reports):
-    """Both ends are kept, with a note, and the marks before them."""
+    """Long output of a passing test keeps beginning and end, with a note on what is left out."""
     text = "begin" + "x" * 2_000_000 + "end"
     story.begin(("arm", 1)).start("arm")
     story.test("arm/t1", Verdict.PASSED, OutputCaptured(stream="stdout", text=text, test="arm/t1"))
@@ -347,7 +350,7 @@ def test_much_output_of_a_passing_test_is_bounded(story: Story, reports: Reports
 
 
 def test_stderr_and_stacks_go_to_system_err(story: Story, reports: Reports):
-    """Where readers look for them."""
+    """Standard error and dumped stacks go to system-err."""
     story.begin(("arm", 1)).start("arm")
     err = OutputCaptured(stream="stderr", text="careful\n", test="arm/t1", omitted=7)
     story.test("arm/t1", Verdict.ERROR, err, StackDumped(text="Thread 1", cause="hung", test="arm/t1"))
@@ -355,7 +358,7 @@ def test_stderr_and_stacks_go_to_system_err(story: Story, reports: Reports):
     assert found.findtext("system-err") == "… 7 bytes not kept …\ncareful\nhung\nThread 1\n"
 
 
-def test_an_unwritable_target_is_told_before_the_run(story: Story, reports: Reports, tmp_path: Path):
-    """Not after three hours of it."""
+def test_an_unwritable_target_is_an_error_before_the_run(story: Story, reports: Reports, tmp_path: Path):
+    """A target that cannot be written is an error when the reporter is opened."""
     with pytest.raises(OSError, match="folder"):
         reports("junit", story, target=tmp_path)

@@ -1,4 +1,4 @@
-"""Our JUnit beside that of the junit-xml library: the same run says the same, and ``junit_file`` reads both."""
+"""Our JUnit compared with the junit-xml library's: both files say the same of a run, and ``junit_file`` reads both."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LEFT_OUT = {"disabled"}
 
 @pytest.fixture
 def ours(story: Story, reports: Reports) -> Path:
-    """A run with everything that the library has a word for, as we write it."""
+    """The file that RTF writes of a run with everything that the library has a word for."""
     said = [
         OutputCaptured(stream="stdout", text=TEXT, test="arm/t1"),
         OutputCaptured(stream="stderr", text=TEXT, test="arm/t1"),
@@ -38,7 +38,7 @@ def ours(story: Story, reports: Reports) -> Path:
 
 @pytest.fixture
 def theirs(ours: Path, tmp_path: Path) -> Path:
-    """The same run, as the library writes it."""
+    """The file that the library writes of the same run."""
     made = [
         junit_xml.TestCase(f"t{number}", "icubSim.arm", 0.25, file="/lab/suites/arm.xml", line=number)
         for number in range(1, 5)
@@ -56,7 +56,7 @@ def theirs(ours: Path, tmp_path: Path) -> Path:
 
 
 def said_by(node: etree._Element) -> dict[str, str]:
-    """What an element says: its attributes but the times, and its text. The library loses line ends in attributes."""
+    """Return an element's text and its attributes except the time; the library loses line ends in attributes."""
     pairs = {str(name): " ".join(str(value).split()) for name, value in node.attrib.items() if name != "time"}
     return {**pairs, "": (node.text or "").strip()}
 
@@ -76,12 +76,12 @@ def test_we_write_what_the_library_writes(ours: Path, theirs: Path):
 
 
 def problems() -> list[str]:
-    """The elements inside a case."""
+    """Return the paths of the elements inside a case."""
     return [f"testsuite/testcase/{name}" for name in ("failure", "error", "skipped", "system-out", "system-err")]
 
 
 def test_the_junit_file_kind_reads_what_both_write(ours: Path, theirs: Path):
-    """A program that writes its results by the library, or one that is a run of ours, is judged case by case."""
+    """The kind ``junit_file`` reads the same cases from the library's file and from ours."""
     assert read_junit(ours) == read_junit(theirs)
     kinds = [(case.name, [problem.kind for problem in case.problems], case.skipped) for case in read_junit(ours)]
     assert kinds == [("t1", [], None), ("t2", ["failure"], None), ("t3", ["error"], None), ("t4", [], "no robot")]

@@ -1,4 +1,4 @@
-"""What the reporters share: texts, targets, documents that grow, and that memory stays small."""
+"""Tests of what the reporters share: texts, targets, growing documents, and bounded memory."""
 
 from __future__ import annotations
 
@@ -37,19 +37,19 @@ if TYPE_CHECKING:
     ],
 )
 def test_durations_are_written_for_people(seconds: float, text: str):
-    """No unit is ever full: sixty seconds are a minute."""
+    """A duration is rounded before it is split, so that sixty seconds are a minute."""
     assert text == report_text.duration(seconds)
 
 
 def test_counts_tell_first_what_needs_attention():
-    """And what there is none of is left out."""
+    """Counts begin with the verdicts that need attention, and leave out those that are zero."""
     numbers = {Verdict.PASSED: 4, Verdict.ERROR: 2, Verdict.FAILED: 1, Verdict.EXPECTED_FAILURE: 1, Verdict.SKIPPED: 0}
     assert report_text.counts(numbers) == "1 failed, 2 errors, 1 expected failure, 4 passed"
     assert report_text.counts({}) == "no tests"
 
 
 def test_places_are_links(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Relative below the working directory, with line and column as far as they are known."""
+    """A place is relative to the working folder if it is below it, with line and column if they are known."""
     monkeypatch.chdir(tmp_path)
     assert report_text.place(str(tmp_path / "a.py"), 3, 4) == "a.py:3:4"
     assert report_text.place("/else/where.py", 3) == "/else/where.py:3"
@@ -58,14 +58,14 @@ def test_places_are_links(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 
 
 def test_harmful_characters_are_written_out():
-    """What is harmless stays as it is, line ends of another system included."""
+    """Control characters are escaped; harmless characters and other systems' line ends stay."""
     assert report_text.shown("é\t\x1b[31m\x9b\u202e\r\nx\ry") == "é\t\\x1b[31m\\x9b\\u202e\nx\\x0dy"
     assert report_text.shown("\ud83d\udc80 \ud83d") == "\U0001f480 \\ud83d"
     assert report_text.one_line("a\nb\n") == "a …"
 
 
 def test_an_incident_is_told_in_one_sentence():
-    """Which fixture, which generation, in which phase, how it ended, and under which test."""
+    """The sentence of an incident has fixture, generation, phase, cause, exit status and test."""
     event = FixtureIncident(
         fixture="sim", suite="s", generation=2, phase=Phase.CHECK, cause="died", exit_status=3, test="s/t"
     )
@@ -73,13 +73,13 @@ def test_an_incident_is_told_in_one_sentence():
 
 
 def test_json_is_strict():
-    """Neither NaN nor a lone surrogate gets into it, and a pair of them is the character it stands for."""
+    """JSON has neither NaN nor a lone surrogate, and a pair of surrogates is the character that it stands for."""
     record = {"a": [math.nan, math.inf, 1.5, True], "b": "\ud800\ud83d\udc80é"}
     assert to_json(record) == '{"a":["NaN","Infinity",1.5,true],"b":"\\\\ud800\U0001f480é"}'.encode()
 
 
 class Words(FileReporter):
-    """A document that has the verdict of each test."""
+    """A document with the verdict of each test."""
 
     def entry(self, result: TestResult, attempts: list[AttemptEvents], results: RunResult) -> bytes:
         return f"{result.id} {result.verdict} {len(attempts)}\n".encode()
@@ -89,7 +89,7 @@ class Words(FileReporter):
 
 
 def test_a_document_is_complete_at_any_time(story: Story, tmp_path: Path):
-    """With an entry for each test that is planned, the latest; what was put aside has no name that could stay."""
+    """Each version of the document has the latest entry of every planned test; temporary parts leave no file."""
     report = tmp_path / "report"
     reporter, results = Words(ReportOptions(report, tmp_path)), RunResult()
     reporter.open()
@@ -109,7 +109,7 @@ def test_a_document_is_complete_at_any_time(story: Story, tmp_path: Path):
 
 
 def test_a_target_that_failed_leaves_the_old_file(tmp_path: Path):
-    """Half a report is none."""
+    """An error while a target is written leaves the old file and no partial one."""
     path = tmp_path / "report"
     path.write_bytes(b"old")
     with pytest.raises(TypeError), Target(path).writing() as stream:
@@ -120,7 +120,7 @@ def test_a_target_that_failed_leaves_the_old_file(tmp_path: Path):
 
 @pytest.mark.parametrize("name", ["text", "json", "ctrf", "junit"])
 def test_a_full_disk_is_told_and_the_run_goes_on(name: str, story: Story, tmp_path: Path):
-    """Real: /dev/full takes nothing."""
+    """A full disk (/dev/full) is an internal error that names the reporter, and the run goes on."""
     reporter = load_reporter(name)(ReportOptions(Path("/dev/full"), tmp_path))
     reporter.open()
     broadcast = Broadcast(None, [reporter])
@@ -135,7 +135,7 @@ def test_a_full_disk_is_told_and_the_run_goes_on(name: str, story: Story, tmp_pa
 
 @pytest.mark.parametrize("name", ["text", "json", "ctrf", "junit"])
 def test_memory_does_not_grow_with_what_tests_say(name: str, story: Story, tmp_path: Path):
-    """What a test said leaves the memory with it; of each test a few hundred bytes stay."""
+    """A test's messages leave the memory with the test; a few hundred bytes a test stay."""
     reporter = load_reporter(name)(ReportOptions(tmp_path / "report", tmp_path))
     reporter.open()
     broadcast = Broadcast(None, [reporter])
@@ -157,5 +157,5 @@ def test_memory_does_not_grow_with_what_tests_say(name: str, story: Story, tmp_p
 
 
 def said(test: str, count: int) -> Message:
-    """A message of some length."""
+    """Return a message of some length."""
     return Message(severity=Severity.PASS, title="checks", detail=f"{count} " + "x" * 200, test=test)

@@ -1,4 +1,4 @@
-"""The C++ framework's result file and console: exact lines."""
+"""Tests of the C++ framework's result file and console: exact lines."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ Test suite arm failed!
 
 @pytest.fixture
 def simple(story: Story):
-    """One test that passes and one that fails."""
+    """A story of one test that passes and one that fails."""
     story.begin(("arm", 2)).start("arm")
     said = Message(severity=Severity.INFO, title="reports", detail="moving", test="arm/t1", file="/lab/a.py", line=3)
     story.test("arm/t1", Verdict.PASSED, said).failing("arm/t2")
@@ -46,25 +46,25 @@ def simple(story: Story):
 
 
 def test_the_file_has_the_cpp_lines_and_summary(simple: Story, reports: Reports):
-    """Whatever the verbosity."""
+    """The file has the C++ framework's lines and summary, whatever the verbosity."""
     assert LINES + SUMMARY.format("summary") == reports("text", simple, verbosity=-1).read_text()
 
 
 def test_detail_adds_the_place_and_an_empty_line(simple: Story, reports: Reports):
-    """As the C++ framework's ``--detail`` does."""
+    """``--detail`` adds the place and an empty line, as in the C++ framework."""
     text = reports("text", simple, detail=True).read_text()
     assert "[INFO]  (t1) reports: moving\n/lab/a.py at 3.\n\nTest case t1 passed!\n" in text
 
 
 def test_the_file_grows_while_the_run_goes_on(simple: Story, reports: Reports):
-    """A runner that is killed leaves what was known; without the summary the file is seen to be incomplete."""
+    """The file grows during the run; a file without the summary is seen to be incomplete."""
     path = reports("text", simple, close=False)
     assert path.read_text() == LINES
     reports.broadcast.close()
 
 
 def test_what_the_cpp_framework_had_no_word_for_is_said_with_its_tags(story: Story, reports: Reports):
-    """A script that looks for the tags and for ``passed!`` is not misled."""
+    """New kinds of events use the C++ tags, so that scripts which look for them and for ``passed!`` are not misled."""
     measured = Measured(test="arm/t1", name="reach", value=3.0, unit="deg", verdict=MeasurementVerdict.RECORDED)
     story.begin(("arm", 3)).start("arm").test("arm/t1", Verdict.MEASURED, measured)
     story.add(OutputCaptured(stream="stdout", text="\x1b[2Jnoise\n", fixture="sim", suite="arm"))
@@ -82,20 +82,20 @@ def test_what_the_cpp_framework_had_no_word_for_is_said_with_its_tags(story: Sto
 def test_the_console_shows_errors_and_failures_only(
     simple: Story, reports: Reports, capsys: pytest.CaptureFixture[str]
 ):
-    """As the C++ framework's does without -v."""
+    """Without ``-v`` the console shows errors, failures and the summary, as the C++ framework's does."""
     reports("classic", simple, target=None)
     assert "[FAIL]  (t2) checks: too far\n" + SUMMARY.format("results") == capsys.readouterr().out
 
 
 def test_the_console_shows_all_with_v(simple: Story, reports: Reports, capsys: pytest.CaptureFixture[str]):
-    """With the lines about the runner, which the file does not have."""
+    """With ``-v`` the console shows the file's lines, and lines about the runner."""
     reports("classic", simple, target=None, verbosity=1)
     expected = f"Starting test runner.\n{LINES}Ending test runner.\n{SUMMARY.format('results')}"
     assert expected == capsys.readouterr().out
 
 
 def test_the_totals_can_be_left_out(simple: Story, reports: Reports, capsys: pytest.CaptureFixture[str]):
-    """As with the C++ framework's ``--no-summary``."""
+    """``--no-summary`` leaves the totals out, as in the C++ framework."""
     reports("classic", simple, target=None, extra={"summary": "no"})
     assert capsys.readouterr().out == "[FAIL]  (t2) checks: too far\n"
 
@@ -103,7 +103,7 @@ def test_the_totals_can_be_left_out(simple: Story, reports: Reports, capsys: pyt
 def test_colours_are_the_cpp_framework_where_they_are_wanted(
     simple: Story, reports: Reports, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
-    """Never in a pipe, unless somebody insists; NO_COLOR wins."""
+    """FORCE_COLOR turns the C++ framework's colours on in a pipe; NO_COLOR turns them off."""
     monkeypatch.setenv("FORCE_COLOR", "1")
     reports("classic", simple, target=None)
     assert capsys.readouterr().out.startswith("\x1b[91m[FAIL]  \x1b[0m(t2) checks")
@@ -115,7 +115,7 @@ def test_colours_are_the_cpp_framework_where_they_are_wanted(
 def test_a_terminal_of_few_letters_does_not_stop_the_run(
     story: Story, reports: Reports, monkeypatch: pytest.MonkeyPatch
 ):
-    """What it cannot show is written out."""
+    """Characters that the terminal's encoding lacks are escaped."""
     raw = io.BytesIO()
     monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(raw, encoding="ascii"))
     story.begin(("arm", 1)).start("arm").failing("arm/t1", "±3°").end("arm", Verdict.FAILED).finish()

@@ -1,4 +1,4 @@
-"""The reporter of the live page: where it is served, what goes wrong before a run, and what a run does not pay for."""
+"""Tests of the live page's reporter: its address, its errors before a run, and what a run does not load."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Asking(TestCase):
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A folder with a suite."""
+    """A folder with a suite that passes and one that asks a question."""
     xml = '<suite name="s"><test name="t">{}</test></suite>'
     write_files(
         tmp_path,
@@ -49,7 +49,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def go_on(run: LiveRun) -> None:
-    """Answer the question of the run."""
+    """Answer the question of the run, and wait for its end."""
     with run.page.follow() as stream:
         stream.until(event="asked")
         assert run.page.control("answer", test="s/t", question="s/t#1", answer="yes").status == 202
@@ -57,7 +57,7 @@ def go_on(run: LiveRun) -> None:
 
 
 def test_a_busy_port_is_an_error_before_the_run(folder: Path):
-    """It names the port and what to do; no robot moves."""
+    """A port in use is a usage error that names the port and a hint, before any test runs."""
     with socket.create_server(("127.0.0.1", 0)) as busy:
         port = busy.getsockname()[1]
         outcome = run_command(folder, "-s", "fine.xml", "-w", "--web-port", str(port))
@@ -78,7 +78,7 @@ def test_a_busy_port_is_an_error_before_the_run(folder: Path):
     ],
 )
 def test_what_cannot_be_served_is_an_error_before_the_run(folder: Path, arguments: list[str], said: str):
-    """Each says what is wrong."""
+    """A wrong port or host is a usage error that says what is wrong, before any test runs."""
     outcome = run_command(folder, "-s", "fine.xml", "-w", *arguments)
     assert outcome.exit_code == ExitCode.USAGE
     assert said in outcome.stderr
@@ -86,7 +86,7 @@ def test_what_cannot_be_served_is_an_error_before_the_run(folder: Path, argument
 
 
 def test_the_address_is_printed_with_the_token(folder: Path):
-    """Also when nothing else is; each run has a token of its own."""
+    """The address with the token is printed even with ``--quiet``, and each run has a token of its own."""
     runs = [LiveRun(folder, "-s", "fine.xml", "--quiet", "--no-output") for _ in range(2)]
     for run in runs:
         assert run.wait().exit_code == ExitCode.PASSED
@@ -95,8 +95,8 @@ def test_the_address_is_printed_with_the_token(folder: Path):
     assert all(len(token) >= 24 for token in tokens)
 
 
-def test_the_token_stays_between_us(folder: Path):
-    """Not in the process list, nor in anything that the run leaves."""
+def test_the_token_is_not_leaked(folder: Path):
+    """The token is neither in the list of processes nor in any file of the run."""
     run = LiveRun(folder, "-s", "asking.xml", "--no-output")
     lines = [path.read_bytes() for path in Path("/proc").glob("[0-9]*/cmdline")]
     go_on(run)
@@ -107,7 +107,7 @@ def test_the_token_stays_between_us(folder: Path):
 
 
 def test_an_earlier_run_and_the_history_are_beside_the_run(folder: Path):
-    """What ``--compare`` and ``--history`` name, the page gets."""
+    """The live page has the run of ``--compare`` and the file of ``--history``."""
     database = folder / "history.sqlite"
     first = run_command(folder, "-s", "fine.xml", "--run-folder", "first", "--history", str(database), "--no-output")
     assert first.exit_code == ExitCode.PASSED
@@ -129,7 +129,7 @@ def test_an_earlier_run_and_the_history_are_beside_the_run(folder: Path):
 
 
 def test_every_network_is_served_on_demand_only(folder: Path):
-    """And then under the names of this machine, whatever address leads here."""
+    """With ``--web-host 0.0.0.0`` the page answers under this machine's names and addresses, and under no others."""
     run = LiveRun(folder, "-s", "asking.xml", "--no-output", "--web-host", "0.0.0.0")
     assert run.page.host == socket.gethostname()
     run.page.host = "127.0.0.1"
@@ -141,7 +141,7 @@ def test_every_network_is_served_on_demand_only(folder: Path):
 
 
 def test_a_run_without_the_page_loads_nothing_of_it(folder: Path):
-    """What nobody asks for costs nothing; and a run with it does not load the server's libraries."""
+    """A run without ``-w`` loads nothing of the page; a run with it does not load the server's libraries."""
     script = (
         "import sys; from rtf.cli.testrunner import main; code = main(sys.argv[1:]); "
         "print(sorted({name.partition('.')[0] for name in sys.modules} & {'starlette', 'uvicorn', 'asyncio', 'h11'}), "
@@ -159,13 +159,13 @@ def test_a_run_without_the_page_loads_nothing_of_it(folder: Path):
 
 
 def test_the_report_of_a_run_that_is_over_has_no_live_page(folder: Path):
-    """``testrunner page`` is what shows it."""
+    """``testrunner report`` refuses ``-w``."""
     run_command(folder, "-s", "fine.xml", "--run-folder", "run", "--no-output")
     assert run_command(folder, "report", "run", "-w").exit_code == ExitCode.USAGE
 
 
 def test_a_resumed_run_has_a_page_if_it_is_asked_for(folder: Path):
-    """What was shown the first time is the same journal."""
+    """A resumed run serves a page again, and goes on in the same journal."""
     run = LiveRun(folder, "-s", "asking.xml", "--no-output")
     with run.page.follow() as stream:
         stream.until(event="asked")

@@ -1,4 +1,4 @@
-"""What every torture test checks at its end: that no process of it is left."""
+"""The fixture of all torture tests, which checks at the end that no process is left."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 
 def left_over(mark: str, others: set[psutil.Process], timeout: float = 5.0) -> list[str]:
-    """The processes that carry the mark, or are below this one; given a moment to be gone.
+    """Return the processes with the mark or below this one, after giving them time to end.
 
-    ``others`` are children of this one that are not meant, such as a browser that tests before have shared.
+    ``others`` are children of this process to ignore, such as a browser that earlier tests share.
     """
     deadline = clock.Deadline.after(timeout)
     while True:
@@ -46,7 +46,7 @@ def _describe(process: psutil.Process) -> str:
 
 @pytest.fixture
 def no_process_left(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """After the test, neither a marked process nor a child of this one is there."""
+    """Check after the test that neither a marked process nor a child of this one is left."""
     mark = uuid.uuid4().hex
     monkeypatch.setenv(MARK, mark)
     others = set(psutil.Process().children())

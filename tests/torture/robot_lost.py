@@ -1,8 +1,8 @@
-"""A robot that is lost, or becomes slow, in the middle of a test: what must come of that test and of the next one.
+"""A robot that is lost or becomes slow in the middle of a test: the verdicts of that test and of the next one.
 
-A suite has the test once on a robot that is left alone, and then once for each strike; after each strike comes another
-test that has nothing to do with it. The strikes are led by the run's journal: they fall when the test has been running
-for some part of the time that it took when nothing happened.
+A suite has the test once on a robot that is left alone, and then once for each strike; another, unrelated test follows
+each strike. The strikes are timed by the run's journal: each falls when the test has been running for some part of the
+time that it took on the robot that was left alone.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ _PROMPT = 10.0
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """A robot test, and what it stands on: parameters of the simulator, and attributes of its fixture."""
+    """A robot test, with the parameters of its simulator and the attributes of its fixture."""
 
     test: str
     parameters: dict[str, str] = field(default_factory=dict)
@@ -67,11 +67,11 @@ class Subject:
     attributes: str = ""
 
     def head(self) -> str:
-        """The beginning of a suite."""
+        """Return the beginning of a suite."""
         return _HEAD.format(attributes=self.attributes, parameters=_rows(self.simulator))
 
     def entry(self, name: str) -> str:
-        """Its line in a suite."""
+        """Return the test's line in a suite."""
         return f'<test name="{name}" timeout="{_LIMIT:g}"> {_rows(self.parameters)} {self.test} </test>'
 
 
@@ -81,9 +81,9 @@ def _rows(parameters: dict[str, str]) -> str:
 
 @dataclass(slots=True)
 class Finding:
-    """What came of a strike. Times in seconds; ``wrong`` is empty when all is as it has to be.
+    """The result of a strike. Times in seconds; ``wrong`` is empty when all expectations hold.
 
-    ``missed``: the test had ended before the strike fell, so that nothing was found out.
+    ``missed``: the test had ended before the strike, so that nothing was found out.
     """
 
     subject: str
@@ -102,7 +102,7 @@ class Finding:
 
 
 class Follower:
-    """The events of a run, read from its journal as they come."""
+    """The events of a run, read from its journal while the run goes on."""
 
     def __init__(self, command: Command) -> None:
         self.events: list[Event] = []
@@ -111,7 +111,7 @@ class Follower:
         self._read = 0
 
     def look(self) -> None:
-        """Read what has come since the last time."""
+        """Read the events that the journal has gained since the last time."""
         if not self._path.exists():
             return
         with self._path.open("rb") as stream:
@@ -122,7 +122,7 @@ class Follower:
         self.events += map(event_from_line, whole.splitlines())
 
     def until(self, condition: Callable[[Event], bool], deadline: clock.Deadline) -> Event | None:
-        """The first event, past or to come, of which it holds; None when the time is up or the run has ended."""
+        """Return the first event that fulfils the condition, past or to come; None when time or run has ended."""
         seen = 0
         while True:
             over = self._command.process.poll() is not None
@@ -136,7 +136,7 @@ class Follower:
             clock.sleep(0.002)
 
     def simulator(self) -> psutil.Process:
-        """The program of the simulator that is up now."""
+        """Return the process of the simulator that is up now."""
         host = next(
             event.pid
             for event in reversed(self.events)
@@ -147,7 +147,7 @@ class Follower:
 
     @contextlib.contextmanager
     def control(self) -> Iterator[SimulatorControl]:
-        """The control port of the simulator."""
+        """Open the control port of the simulator."""
         variables = {"YARP_CONFIG_HOME": str(self._path.parent / "yarp")}
         place = configuration.read_place(configuration.NAMESPACE, variables)
         assert place is not None
@@ -158,12 +158,12 @@ class Follower:
 
 
 def ended(test: str) -> Callable[[Event], bool]:
-    """Whether an event is the last word on a test."""
+    """Return a condition on events: the final end of a test."""
     return lambda event: isinstance(event, TestEnded) and event.test == f"s/{test}" and event.final
 
 
 def running(test: str) -> Callable[[Event], bool]:
-    """Whether an event is the beginning of the body of a test."""
+    """Return a condition on events: the beginning of a test's body."""
     return lambda event: isinstance(event, PhaseStarted) and event.test == f"s/{test}" and event.phase is Phase.RUN
 
 
@@ -171,17 +171,17 @@ def running(test: str) -> Callable[[Event], bool]:
 
 
 def kill(follower: Follower, _test: str) -> None:
-    """It ends without a word."""
+    """Kill the simulator with SIGKILL."""
     follower.simulator().send_signal(signal.SIGKILL)
 
 
 def freeze(follower: Follower, _test: str) -> None:
-    """It is there, with all its connections, and does nothing any more."""
+    """Stop the simulator with SIGSTOP: its connections stay, and it does nothing any more."""
     follower.simulator().send_signal(signal.SIGSTOP)
 
 
 def slow(follower: Follower, test: str) -> None:
-    """Its time passes slowly for a while."""
+    """Slow the simulator's time down for a while."""
     with follower.control() as control:
         control.set_factor(_FACTOR)
         follower.until(ended(test), clock.Deadline.after(_SLOW))
@@ -189,7 +189,7 @@ def slow(follower: Follower, test: str) -> None:
 
 
 def stutter(follower: Follower, test: str) -> None:
-    """It stands still most of the time for a while, as on a machine that is much too busy."""
+    """Stop the simulator most of the time for a while, as on a machine that is much too busy."""
     program = follower.simulator()
     while_it_lasts = clock.Deadline.after(_SLOW)
     try:
@@ -213,7 +213,7 @@ DEADLY = frozenset({"kill", "freeze"})
 def findings(
     folder: Path, subject: Subject, strikes: Sequence[str], seed: object, reaches: Sequence[float] = REACHES
 ) -> list[Finding]:
-    """What comes of a test under each of these strikes, in runs below a folder. Those that missed are tried again."""
+    """Return what comes of a test under each of these strikes, in runs below a folder; try missed strikes again."""
     chance = random.Random(f"{seed} {subject.test}")
     found: dict[str, Finding] = {}
     for reach in reaches:
@@ -224,7 +224,7 @@ def findings(
 
 
 class Ordeal:
-    """A test that is struck in one run, each strike at a moment of its own."""
+    """One run of a test that is struck once by each strike, at a moment of its own."""
 
     def __init__(self, folder: Path, subject: Subject, strikes: Sequence[str]) -> None:
         tests = "".join(
@@ -237,7 +237,7 @@ class Ordeal:
         self._strikes = strikes
 
     def run(self, chance: random.Random, reach: float) -> list[Finding]:
-        """Strike each time before the part ``reach`` of the test's time is over; returns a finding a strike."""
+        """Strike each time before the part ``reach`` of the test's time is over; return one finding a strike."""
         path = f"{self._folder / 'bin'}:{os.environ['PATH']}"
         words = ("--suite", "suite.xml", "--junit", "junit.xml", "--answer", "default", "-q")
         self._command = Command(self._folder, *words, PATH=path)
@@ -287,7 +287,7 @@ class _Blow:
 
 
 class _Judge:
-    """Looks at one strike in the journal of a run and in its JUnit file."""
+    """Judges one strike by the journal of the run and by its JUnit file."""
 
     def __init__(self, subject: Subject, blow: _Blow, outcome: Outcome) -> None:
         self._blow = blow
@@ -306,7 +306,7 @@ class _Judge:
         return self._end(self._blow.strike)
 
     def finding(self) -> Finding:
-        """All that can be said."""
+        """Return the finding of the strike."""
         found = self._found
         found.missed = not self._blow.time or self._blow.time >= self._struck.time
         if found.missed:
@@ -350,7 +350,7 @@ class _Judge:
         return [one.subject for one in self._outcome.of(SubResultEnded, test=f"s/{test}") if not one.verdict.good]
 
     def _judge_next(self) -> None:
-        """The test after it stands on a robot that is there, a new one if need be, and passes."""
+        """Expect that the next test passes, on a new generation if the robot was lost."""
         name = f"after {self._blow.strike}"
         after = self._end(name.replace(" ", "-"))
         self._expect(after.verdict is Verdict.PASSED, f"{name} is {after.verdict}: {after.detail}")

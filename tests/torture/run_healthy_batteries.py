@@ -1,9 +1,9 @@
 """Run the battery again and again on a healthy robot: ``python tests/torture/run_healthy_batteries.py --folder DIR``.
 
-Nothing may be found, however busy the machine is: what is failed or an error is a false alarm. What is inconclusive is
-counted and told: there a test has seen that the machine did not keep up. In lockstep it is also told which tests have
-not measured the same to the last bit each time. With a folder, batteries that have come to their end are not run again,
-so that it may be interrupted; a broken one is begun anew.
+No test may fail or be an error, however busy the machine is: each such verdict is a false alarm. Inconclusive tests are
+counted and listed: such a test has seen that the machine did not keep up. In lockstep the tests that have not measured
+the same to the last bit each time are listed, too. With a folder, batteries that are complete are not run again, so
+that the program may be interrupted; an incomplete battery is run anew.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _BUSY = "while True: sum(range(10000))"
 
 
 class Battery(NamedTuple):
-    """What a battery came to: its folder, the tests of each verdict, and what each test measured, as a digest."""
+    """The result of a battery: its folder, the tests of each verdict, and a digest of what each test measured."""
 
     folder: Path
     counts: Counter[str]
@@ -45,7 +45,7 @@ class Battery(NamedTuple):
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run them. Returns 0 when none has an alarm, 1 otherwise."""
+    """Run the batteries. Returns 0 when no battery has an alarm, 1 otherwise."""
     options = _options(arguments)
     suite = options.suite or _SUITES / ("realtime.xml" if options.realtime else "battery.xml")
     batteries: list[Battery] = []
@@ -84,7 +84,7 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
 
 
 def battery(folder: Path, suite: Path) -> Battery:
-    """Run one battery, unless it is there, and read what it came to."""
+    """Run one battery unless its folder is complete, and return its result."""
     if not (found := _read(folder)):
         shutil.rmtree(folder, ignore_errors=True)
         folder.parent.mkdir(parents=True, exist_ok=True)
@@ -98,7 +98,7 @@ def battery(folder: Path, suite: Path) -> Battery:
 
 
 def _read(folder: Path) -> Battery | None:
-    """A battery from its journal; None for one that has not come to its end."""
+    """Return a battery from its journal, or None if it is incomplete."""
     if not (folder / journal.FILE_NAME).exists():
         return None
     results, ended = RunResult(), None
@@ -123,14 +123,14 @@ def _read(folder: Path) -> Battery | None:
 
 
 def line(one: Battery) -> str:
-    """A battery for people."""
+    """Return the lines that people read about a battery."""
     counts = ", ".join(f"{number} {verdict}" for verdict, number in sorted(one.counts.items()))
     said = [f"ALARM {alarm}" for alarm in one.alarms] + [f"inconclusive: {test}" for test in one.unsure]
     return "\n        ".join([f"{one.folder.name}: {counts} in {one.seconds / 60:.1f} min of tests", *said])
 
 
 def different(batteries: Iterable[Battery]) -> list[str]:
-    """Which tests have not measured the same each time, a line each; the last says how many have."""
+    """Return a line for each test that has not measured the same each time; the last line has the counts."""
     values: defaultdict[str, set[str]] = defaultdict(set)
     for one in batteries:
         for test, digest in one.digests.items():

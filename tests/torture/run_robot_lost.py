@@ -36,7 +36,7 @@ SUBJECTS = (
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Strike as asked for. Returns 0 when all came out as it has to, 1 otherwise."""
+    """Strike each test as the arguments say. Returns 0 when all findings are as expected, 1 otherwise."""
     options = _options(arguments)
     subjects = [subject for subject in SUBJECTS if not options.tests or subject.test in options.tests]
     wrong = missed = done = 0
@@ -78,7 +78,7 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
 
 
 def line(finding: Finding) -> str:
-    """A finding for people."""
+    """Return the lines that people read about a finding."""
     what = f"{finding.subject:36} {finding.strike:8} {finding.moment:6.2f} of {finding.duration:6.2f} s"
     if finding.missed:
         return f"{what}  missed: the test had ended"

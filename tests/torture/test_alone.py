@@ -1,7 +1,7 @@
-"""``kill -9`` of a robot test that is run by itself, in mid-motion: of its process, and of the runner.
+"""``kill -9`` of a robot test that runs by itself, in mid-motion: of its process, and of the runner.
 
-The robot is there already, and lives on in real time. A fixture that nobody wrote down puts it back. The kill falls
-when the board itself shows that a joint is far from its place under weakened gains, and not after some time.
+The robot runs already, in real time, and stays. RTF adds a fixture ``robot``, which puts it back. The kill comes when
+the board itself shows that a joint is far from its place under weakened gains, and not after some time.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _LIMIT = 120.0
 
 
 class Robot:
-    """A simulated torso and head that nobody here may end, and a client that only looks."""
+    """A simulated torso and head that these tests do not end, and a client that only reads."""
 
     def __init__(self, folder: Path, stack: ExitStack) -> None:
         self.folder = folder
@@ -71,7 +71,7 @@ class Robot:
             return False
 
     def is_far(self) -> bool:
-        """Whether a joint moves, far from its place, with other gains than before."""
+        """Return whether a joint moves, far from its place, with other gains than before."""
         away = abs(self.board.encoders() - self.home)
         return bool((away > _FAR).any()) and self._gains() != self.gains and not self.board.motion_done()
 
@@ -79,7 +79,7 @@ class Robot:
         return self.board.pids(PidType.POSITION)
 
     def check_put_back(self) -> None:
-        """It is as it was, and healthy."""
+        """Check that the robot is as it was, and has no fault."""
         assert abs(self.board.encoders() - self.home).max() < _NEAR
         assert self._gains() == self.gains
         assert self.board.control_modes() == self.modes
@@ -99,13 +99,13 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:
 
 
 def pid_of_test(folder: Path) -> int:
-    """The process of the test that runs."""
+    """Return the process of the test that runs."""
     (started,) = [event for event in events_so_far(folder) if isinstance(event, TestStarted)]
     return started.pid
 
 
 def wait_till_far(robot: Robot, command: Command) -> None:
-    """Wait until the run has moved a joint; one that ends before says why."""
+    """Wait until the run has moved a joint; fail with the outcome of a run that ends before."""
 
     def is_far() -> bool:
         assert command.process.poll() is None, f"the run ended before: {command.wait()}"
@@ -116,7 +116,7 @@ def wait_till_far(robot: Robot, command: Command) -> None:
 
 @pytest.mark.usefixtures("no_process_left")
 def test_a_killed_test_is_cleaned_up_after(robot: Robot):
-    """The runner lives: the test is an error, and joints, gains and faults are put back before the run ends."""
+    """A killed test is an error, and its joints, gains and faults are put back before the run ends."""
     command = Command(robot.folder, *TEST)
     wait_till_far(robot, command)
     kill(pid_of_test(robot.folder))
@@ -128,7 +128,7 @@ def test_a_killed_test_is_cleaned_up_after(robot: Robot):
 
 @pytest.mark.usefixtures("no_process_left")
 def test_a_killed_runner_is_cleaned_up_after(robot: Robot):
-    """Nobody is left to ask for it: the fixture does it on its own, and then there is no process any more."""
+    """When the runner is killed, the fixture puts the robot back by itself, and then no process is left."""
     command = Command(robot.folder, *TEST)
     wait_till_far(robot, command)
     kill(command.process.pid)

@@ -1,4 +1,4 @@
-"""The program that runs the battery again and again: what it calls a false alarm, and that it goes on where it was."""
+"""Tests of the program that runs the battery again and again: its false alarms, and how it continues."""
 
 from pathlib import Path
 
@@ -32,7 +32,7 @@ class Slow(TestCase):
 
 @pytest.fixture
 def run(tmp_path, capsys):
-    """Runs a suite of some tests, as often as it is told; returns the exit code and what was printed."""
+    """Runs a suite of these tests ``count`` times; returns the exit code and what was printed."""
 
     def run(*tests: str, count: int = 2) -> tuple[int, str]:
         rows = "".join(f'<test name="{name}"> {name} </test>' for name in tests)
@@ -44,8 +44,8 @@ def run(tmp_path, capsys):
     return run
 
 
-def test_what_differs_from_run_to_run_is_told(run):
-    """Which is no alarm."""
+def test_what_differs_from_run_to_run_is_listed(run):
+    """A test that measures something else in each run is listed, and is no alarm."""
     code, printed = run("Healthy", "Wandering")
     assert code == 0
     assert "HEALTHY BATTERIES PASSED  2 of 2 without a false alarm (in lockstep); 0 alarms, 0 inconclusive" in printed
@@ -54,7 +54,7 @@ def test_what_differs_from_run_to_run_is_told(run):
 
 
 def test_a_failure_is_an_alarm_and_doubt_is_none(run):
-    """Both are told with the battery that they are of."""
+    """A failed test is an alarm, and an inconclusive one is only listed."""
     code, printed = run("Ill", "Slow", count=1)
     assert code == 1
     assert "ALARM s/Ill: failed" in printed
@@ -63,7 +63,7 @@ def test_a_failure_is_an_alarm_and_doubt_is_none(run):
 
 
 def test_what_has_been_run_is_not_run_again(run, tmp_path):
-    """What was broken off is."""
+    """A complete battery is not run again; an incomplete one is."""
     run("Healthy")
     whole, broken = (tmp_path / "runs" / name / "journal.jsonl" for name in ("battery00", "battery01"))
     before = whole.read_bytes()

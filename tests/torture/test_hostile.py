@@ -1,6 +1,6 @@
-"""Hostile tests: each has a defined verdict, keeps its output, and leaves neither a process nor a trace behind.
+"""Hostile tests: each has a defined verdict, keeps its output, and leaves neither a process nor a change behind.
 
-Every case runs in a suite of its own, with a peaceful test after it that looks for anything it could have changed.
+Each case runs in a suite of its own, before a peaceful test that looks for anything that it could have changed.
 """
 
 from __future__ import annotations
@@ -74,10 +74,10 @@ class Peaceful(TestCase):
 
 @dataclass(frozen=True)
 class Case:
-    """A hostile test: what it does, and what is to be said of it.
+    """A hostile test, and the verdict and texts that are expected of it.
 
-    ``run`` is the body of ``run()``; ``code`` stands in place of the class body where more is needed. ``stack`` must
-    occur in the dumped stacks. ``words`` says whether its first words must be in the journal.
+    ``run`` is the body of ``run()``; ``code`` replaces the class body where more is needed. ``stack`` must occur in the
+    dumped stacks. ``words`` says whether its first words must be in the journal.
     """
 
     run: str = "pass"
@@ -93,7 +93,7 @@ class Case:
     exit_status: int | None = None
 
     def text(self) -> str:
-        """The plug-in's file."""
+        """Return the plug-in's file."""
         body = textwrap.dedent(self.code) or f"def run(self):\n{textwrap.indent(textwrap.dedent(self.run), '    ')}"
         body = body.replace("def run(self):\n", 'def run(self):\n    print("last words", flush=True)\n', 1)
         return f"{PRELUDE}\nclass Hostile(TestCase):\n{textwrap.indent(body, '    ')}\n"
@@ -104,7 +104,7 @@ KILLED = {"reason": "timeout", "detail": "did not react to being stopped and was
 
 
 def crash(name: str) -> dict[str, str]:
-    """What is said of a test that a signal ended."""
+    """Return the expectations of a test that a signal ended."""
     return {"reason": "crash", "detail": f"killed by {name} in run()", "signal": name}
 
 
@@ -451,7 +451,7 @@ def run_hostile(tmp_path: Path, case: Case, *, again: int = 1) -> Outcome:
 
 
 def output_of(outcome: Outcome, test: str = "s/hostile") -> str:
-    """All that the test wrote."""
+    """Return all that the test wrote."""
     return "".join(event.text for event in outcome.of(OutputCaptured, test=test))
 
 
@@ -459,7 +459,7 @@ def output_of(outcome: Outcome, test: str = "s/hostile") -> str:
 def test_hostile_test_has_its_verdict_and_the_next_one_passes(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    """Whatever a test does, its verdict and reason are defined, its output is kept, and the next test passes."""
+    """A hostile test has a defined verdict and reason, its output is kept, and the next test passes."""
     case = (CASES | PHASES)[name]
     outcome = run_hostile(tmp_path, case)
     (ended,) = outcome.of(TestEnded, test="s/hostile")
@@ -484,7 +484,7 @@ def test_hostile_test_has_its_verdict_and_the_next_one_passes(
 def test_test_that_kills_or_stops_what_it_was_forked_from(
     signum: str, whom: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    """The fork server, or the template of the file, is replaced or roused: who suffers is an error, the others pass.
+    """A test that kills or stops its fork server or template is an error or passes; the next tests pass.
 
     Tests of a file that is used twice are forked from its template, so that they outlive a fork server that is stopped.
     """
@@ -537,7 +537,7 @@ def _memory() -> int:
 
 
 def test_flood_of_events_is_bounded_and_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Beyond a limit what only informs is left out and counted; failures and the test's time still count."""
+    """Beyond a limit, messages that only inform are left out and counted; failures and the time-out still count."""
     monkeypatch.setattr(transcript, "EVENT_BYTES", 1 << 20)
     code = "self.check(False, 'wrong')\nwhile True:\n    self.progress(0.5, 'x' * 1000)\n    self.report('y' * 1000)"
     outcome = run_hostile(tmp_path, Case(code))

@@ -1,7 +1,7 @@
 """``kill -9`` at random instants: of the runner, the fork server, a test, a fixture's host, a fixture's program.
 
-What must hold after each: every finished result is in the journal and intact, no process is left, ``--resume`` runs the
-rest and only the rest, reports can be made, and what was said of finished tests is never said otherwise.
+After each kill, every finished result is in the journal and intact, no process is left, ``--resume`` runs the tests
+that are left and no others, reports can be made, and no report changes the verdict of a finished test.
 
 ``RTF_TORTURE_ROUNDS`` sets the number of rounds a victim; a round is reproduced by its seed, as far as time can be.
 """
@@ -103,18 +103,18 @@ def folder(tmp_path: Path) -> Path:
 
 
 def start(folder: Path) -> Command:
-    """A run of the suite."""
+    """Start a run of the suite."""
     return Command(folder, "--suite", "suite.xml", "--no-output", "--junit", "live.xml")
 
 
 def events_so_far(folder: Path) -> list[Event]:
-    """What is in the journal."""
+    """Return the events in the journal."""
     path = folder / "rtf-runs" / "latest" / journal.FILE_NAME
     return [*journal.read(path)] if path.exists() else []
 
 
 def victims(command: Command) -> dict[str, int]:
-    """The processes of a run that are there now, by what they are."""
+    """Return the run's processes that are there now, by their kind."""
     found = {"runner": command.process.pid}
     for event in events_so_far(command.folder):
         if isinstance(event, TestStarted):
@@ -137,18 +137,18 @@ def victims(command: Command) -> dict[str, int]:
 
 
 def kill(pid: int) -> None:
-    """End a process that may be gone already."""
+    """Kill a process, which may have ended already."""
     with contextlib.suppress(ProcessLookupError):
         os.kill(pid, signal.SIGKILL)
 
 
 def final_verdicts(events: list[Event]) -> dict[str, Verdict]:
-    """The last word on each test that has one."""
+    """Return the verdict of each test that has a final one."""
     return {event.test: event.verdict for event in events if isinstance(event, TestEnded) and event.final}
 
 
 def check_whole(folder: Path) -> list[Event]:
-    """Every line of the journal but a torn last one is an event, and they are in order. Returns them."""
+    """Check that each line of the journal but a torn last one is an event, in order. Returns the events."""
     data = (folder / "rtf-runs" / "latest" / journal.FILE_NAME).read_bytes()
     events = [from_line(line) for line in data.split(b"\n")[:-1]]
     assert [event.seq for event in events] == [*range(1, len(events) + 1)]
@@ -159,7 +159,7 @@ def check_whole(folder: Path) -> list[Event]:
 
 
 def check_reports(folder: Path, expected: dict[str, Verdict]) -> None:
-    """The reports can be made from the journal alone, and say of each test what was said live."""
+    """Check that reports made from the journal have each test with the verdict of the live run."""
     made = run_command(folder, "report", "rtf-runs/latest", "--junit", "again.xml", "-q")
     assert "Traceback" not in made.stderr
     cases = {case.name for suite in JUnitXml.fromfile(str(folder / "again.xml")) for case in suite}
@@ -170,7 +170,7 @@ def check_reports(folder: Path, expected: dict[str, Verdict]) -> None:
 
 @pytest.mark.parametrize("seed", range(ROUNDS * 2))
 def test_killed_runner_loses_nothing_and_is_resumed(folder: Path, seed: int):
-    """Whenever the runner is killed, what was finished is kept, the fixture is torn down, and the rest can be run."""
+    """Whenever the runner is killed, finished results stay, the fixture is torn down, and the run can be resumed."""
     rng = random.Random(seed)
     command = start(folder)
     clock.sleep(rng.uniform(0.05, 1.0))
@@ -234,7 +234,7 @@ def test_run_survives_the_death_of_any_other_process(folder: Path, victim: str, 
 
 
 def test_resuming_a_run_that_is_still_going_on_is_refused(folder: Path):
-    """A journal has one writer: a second runner on the same run is told so, and changes nothing."""
+    """A second runner on a run that still goes on is refused and changes nothing, for a journal has one writer."""
     waiting = TEST.replace("time.sleep(0.03)", "while not os.path.exists('go'): time.sleep(0.002)")
     write_files(folder, {"steady.py": waiting.replace("import time", "import os, time")})
     command = start(folder)
@@ -248,7 +248,7 @@ def test_resuming_a_run_that_is_still_going_on_is_refused(folder: Path):
 
 
 def test_resuming_a_run_that_is_complete_runs_nothing(folder: Path):
-    """There is nothing left to do: no test starts, and the exit code is that of the run."""
+    """Resuming a complete run starts no test and has the exit code of the run."""
     assert start(folder).wait().exit_code == 0
     outcome = run_command(folder, "--resume", "rtf-runs/latest")
     assert outcome.exit_code == 0
@@ -257,7 +257,7 @@ def test_resuming_a_run_that_is_complete_runs_nothing(folder: Path):
 
 
 def test_run_killed_again_and_again_comes_to_its_end(folder: Path):
-    """A run that is killed five times in a row still adds up to one run, in which each test has passed once."""
+    """A run that is killed and resumed five times is one run in which each test has passed once."""
     rng = random.Random(5)
     command = start(folder)
     for _ in range(5):

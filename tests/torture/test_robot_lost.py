@@ -20,7 +20,7 @@ pytestmark = [
 
 @pytest.mark.usefixtures("no_process_left")
 def test_what_happens_to_the_robot_is_not_blamed_on_a_test(tmp_path: Path):
-    """Killed and frozen: the test is fixture lost, and the next one passes on a robot that was started anew."""
+    """When the robot is killed or frozen, the test is fixture lost, and the next one passes on a new generation."""
     simulator = {"parts": "head,torso", "alive_timeout": "1"}
     subject = Subject("MotorTest", {"part": "torso"}, simulator, 'backoff="0.01" check-period="0.1"')
     found = findings(tmp_path, subject, ["kill", "freeze"], 5, (0.4, 0.1))
