@@ -128,13 +128,15 @@ _ROBOT = (
     Command("new", "FILE.urdf|.xml", "a draft for a new robot", "rtf.cli.robot:new_robot"),
     Command("test", "ROBOT", "the suites for any robot, on a simulated one", "rtf.cli.robot:test_robot"),
 )
+#: Runs suites; with --server or --on programs on other machines, as YARP's command of this name does.
+_RUN = "rtf.cli.run_node:run"
 RTF = Command(
     "rtf",
     "COMMAND ...",
     "the tools of the framework",
     commands=(
         *(Command(one.name, one.usage, one.summary, one.home, group=_TESTS) for one in _BESIDE_RUNNING),
-        Command("run", "[SUITE ...]", "run suites and tests: the same as testrunner", TESTRUNNER.home, group=_TESTS),
+        Command("run", "[SUITE ...]", "run suites and tests: the same as testrunner", _RUN, group=_TESTS),
         Command("new", "KIND NAME", "write a new test, fixture, suite or robot", "rtf.cli.new:new", group=_TESTS),
         Command("proof", "", "run robot tests on the faults they should find", "rtf.cli.proof:proof", group=_TESTS),
         Command("demo", "", "run the demonstration and check every verdict", "rtf.cli.demo:demo", group=_TESTS),

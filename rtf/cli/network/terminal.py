@@ -12,7 +12,7 @@ import select
 import signal
 import sys
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, NoReturn, TypeVar
+from typing import TYPE_CHECKING, NoReturn, Protocol, TypeVar
 
 from rtf.bottle import Bottle, Dialect, is_complete
 from rtf.errors import RtfError
@@ -23,9 +23,15 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from types import FrameType, TracebackType
 
-    from rtf.middleware.ports.port import Port
 
-P = TypeVar("P", bound="Port")
+class Closable(Protocol):
+    """A port, or something else that has to be closed."""
+
+    def close(self) -> None:
+        """Close it. A second call has no effect."""
+
+
+P = TypeVar("P", bound=Closable)
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 

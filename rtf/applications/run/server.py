@@ -1,0 +1,374 @@
+"""The node: a port that starts, lists, signals and ends programs of this machine for those who ask.
+
+It answers as ``yarprun`` 3.12.3 does, with these differences: a program that cannot be started is always told of; a
+message that asks for nothing ends the connection instead of leaving the client waiting; signals reach all processes of
+a program; and ``sysinfo`` has the machine's figures only. The node opens no terminals: a program with ``stdio`` has
+ports for its output and input, to which YARP's terminals and ``rtf read`` and ``rtf write`` connect.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import signal
+import threading
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+from rtf import clock
+from rtf.applications.run import sysinfo
+from rtf.applications.run.access import RunAccess
+from rtf.applications.run.children import Child, Children, Launch
+from rtf.applications.run.client import RunClient
+from rtf.applications.run.errors import RunError, StartError
+from rtf.applications.run.output import InputPort, LineSender
+from rtf.applications.run.protocol import (
+    LOGGER,
+    MAX_WORDS,
+    Ask,
+    Kill,
+    Running,
+    Start,
+    aborted,
+    read_environment,
+    read_request,
+    split_words,
+    started,
+)
+from rtf.bottle import Bottle
+from rtf.middleware.errors import MiddlewareError, ProtocolError
+from rtf.middleware.ports.access import address_of
+from rtf.middleware.ports.rpc import RpcServer
+from rtf.middleware.types import Record
+from rtf.testing.isolation import processes
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+    from types import TracebackType
+
+    from rtf.applications.run.children import Sink
+    from rtf.applications.run.record import NodeRecord
+    from rtf.middleware.ports.inputs import Input
+    from rtf.middleware.ports.network import Network
+    from rtf.middleware.types.codecs import Buffer
+
+#: The largest request, bytes; a command with 128 words and an environment has a few thousand.
+MAX_REQUEST = 1 << 17
+#: Programs that may run at a time, and seconds from SIGTERM to SIGKILL when the node ends.
+MOST, GRACE = 256, 5.0
+_SIGNALS = range(1, signal.NSIG)
+#: Seconds in which whoever asked the node to end reads the answer.
+_FAREWELL = 1.0
+
+
+class _NodePort(RpcServer):
+    """The port of a node: refuses peers and sizes, and remembers in each thread who asks."""
+
+    def __init__(self, name: str, handle: Callable[[Bottle], object], network: Network, access: RunAccess) -> None:
+        self._access = access
+        self._asking = threading.local()
+        super().__init__(name, handle, network=network)
+
+    @property
+    def asker(self) -> str:
+        """Who asks in this thread: the name that it says is its own, and its address."""
+        caller: Input | None = getattr(self._asking, "caller", None)
+        return "a port of this process" if caller is None else f"{caller.sender} at {address_of(caller.socket)}"
+
+    def dispatch(self, caller: Input, key: str, text: str, data: Buffer) -> Sequence[Buffer]:
+        if key in ("D", "d"):
+            if not self._access.admits(address_of(caller.socket)):
+                raise ProtocolError("it is not among the allowed addresses of this node; see --allow")
+            if len(data) > MAX_REQUEST:
+                raise ProtocolError(f"a request of {len(data)} bytes; at most {MAX_REQUEST} are accepted")
+        self._asking.caller = caller
+        return super().dispatch(caller, key, text, data)
+
+
+class RunServer:
+    """A node, open from construction to ``close``.
+
+    ``said`` gets a line for each start, signal and end, with who asked. ``log`` is the port of the logger for the
+    output of all children, None if only requests decide. ``most`` is the greatest number of children, ``grace`` the
+    seconds from SIGTERM to SIGKILL when the node ends. ``record`` lets a later node of this name find held children.
+    ``on_exit`` is called when somebody asks the node to end, which its owner does then with :meth:`close`.
+
+    Raises RunError if other machines would reach the port and ``access`` names none, and MiddlewareError.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        network: Network,
+        access: RunAccess | None = None,
+        log: str | None = None,
+        said: Callable[[str], None] = lambda _: None,
+        most: int = MOST,
+        grace: float = GRACE,
+        record: NodeRecord | None = None,
+        on_exit: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._network = network
+        self._access = access or RunAccess()
+        self._log = log
+        self._tell = said
+        self._grace = grace
+        self._record = record
+        self._on_exit = on_exit
+        self._leaving = False
+        self._stdio_count = 0
+        self._lock = threading.Lock()
+        self._senders: list[LineSender] = []
+        self._answers: dict[str, Callable[[Ask], object]] = {
+            "ps": self._ps,
+            "isrunning": self._isrunning,
+            "sigterm": self._sigterm,
+            "sigtermall": self._sigtermall,
+            "killstdio": self._killstdio,
+            "sysinfo": self._sysinfo,
+            "which": self._which,
+            "exit": self._exit,
+        }
+        self._children = Children(
+            record.token if record else f"{os.getpid()}.{id(self):x}",
+            most=most,
+            said=self._say,
+            changed=record.write if record else lambda _: None,
+        )
+        try:
+            self._port = _NodePort(name, self._answer, network, self._access)
+            try:
+                self._check_address()
+                network.names.set_property(self.name, "yarprun", ["true"])
+            except BaseException:
+                self._port.close()
+                raise
+        except BaseException:
+            self._children.close(0.0)
+            raise
+        if record is not None:
+            self._take_over(record)
+
+    @property
+    def name(self) -> str:
+        """The registered name of the node."""
+        return self._port.name
+
+    @property
+    def address(self) -> str:
+        """The host and number at which it is reached."""
+        return f"{self._port.contact.host}:{self._port.contact.port}"
+
+    def _check_address(self) -> None:
+        contact = self._port.contact
+        if self._access.loopback_only and not contact.host.startswith("127."):
+            raise RunError(
+                f"{contact.name} would start programs for everyone who reaches {contact.host}; name the addresses that"
+                " may ask with --allow, such as --allow 10.0.0.0/24"
+            )
+
+    def _take_over(self, record: NodeRecord) -> None:
+        """Watch the held children of the node before, and end what else it left."""
+        for found in record.held_before():
+            if self._children.adopt(found, lambda child, found=found: self._sinks_of(child, found.log)):  # type: ignore[misc]
+                self._say(f"found {found.tag} ({found.pid}) again: {found.command}")
+        for pid in record.left_behind():
+            if processes.signal_process(pid, signal.SIGKILL):
+                self._say(f"ended process {pid}, which the node before has left")
+        record.write(child for child in self._children.running() if child.launch.hold)
+
+    def close(self) -> None:
+        """End all children that are not held, and close the port."""
+        self._children.close(self._grace)
+        deadline = clock.Deadline.after(_FAREWELL if self._leaving else 0.0)
+        while self._port.inputs and not deadline.expired:
+            clock.sleep(0.01)
+        self._port.close()
+        for sender in self._senders:
+            sender.join()
+        if self._record is not None:
+            self._record.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _say(self, text: str) -> None:
+        """Say something that may contain what others have sent: without the characters that steer a terminal."""
+        self._tell("".join(one if one.isprintable() or one == "\n" else "?" for one in text))
+
+    # Answers, in the thread of each connection -----------------------------------------------------------------------
+
+    def _answer(self, message: Bottle) -> object:
+        request = read_request(message)
+        if isinstance(request, Start):
+            return Bottle(self._start(request))
+        if isinstance(request, Kill):
+            return Bottle([f"kill {self._signal(request.tag, request.signal)}"])
+        return self._answers[request.key](request)
+
+    def _ps(self, _request: Ask) -> Bottle:
+        rows = (
+            Running(child.pid, child.launch.tag, "running", child.launch.command, child.launch.environment)
+            for child in self._children.running()
+        )
+        return Bottle([row.to_list() for row in rows])
+
+    def _isrunning(self, request: Ask) -> Bottle:
+        return Bottle(["running" if self._children.find(request.about) else "not running"])
+
+    def _sigterm(self, request: Ask) -> Bottle:
+        return Bottle([f"sigterm {self._signal(request.about, signal.SIGTERM)}"])
+
+    def _sigtermall(self, _request: Ask) -> Bottle:
+        self._say(f"{self._port.asker} ends all programs")
+        self._children.signal(self._children.running(), signal.SIGTERM)
+        return Bottle(["sigtermall OK"])
+
+    def _killstdio(self, _request: Ask) -> Bottle:
+        return Bottle(["killstdio OK"])  # no terminals are opened here
+
+    def _sysinfo(self, _request: Ask) -> sysinfo.SystemInfo:
+        return sysinfo.measure()
+
+    def _which(self, request: Ask) -> Record:
+        return Record(shutil.which(request.about) or request.about)
+
+    def _exit(self, _request: Ask) -> Bottle:
+        self._say(f"{self._port.asker} ends this node")
+        self._leaving = True
+        self._on_exit()
+        return Bottle(["exit OK"])
+
+    def _signal(self, tag: str, signum: int) -> str:
+        children = self._children.find(tag) if signum in _SIGNALS else ()
+        for child in children:
+            self._say(f"{self._port.asker} sends {processes.signal_name(signum)} to {tag} ({child.pid})")
+        self._children.signal(children, signum)
+        return "OK" if children else "FAILED"
+
+    # Starting --------------------------------------------------------------------------------------------------------
+
+    def _start(self, request: Start) -> list[object]:
+        if request.stdio and request.on != self.name:
+            return aborted(self.name, request, f"Can't open a terminal: {self.name} opens none", "xterm")
+        asker = self._port.asker
+        try:
+            child, uuid = self._launch(request)
+        except (StartError, MiddlewareError) as error:
+            reason = str(error)
+            self._say(f"{asker} cannot start {request.command} as {request.tag}: {reason}")
+            comma = "," if reason.startswith("cannot set") else " because"
+            return aborted(self.name, request, f"Can't execute command{comma} {reason}")
+        self._say(f"{asker} starts {request.command} as {request.tag} ({child.pid})")
+        reply = started(self.name, request, child.pid)
+        return [*reply, uuid, *self._open_terminal(request, uuid)] if uuid else reply
+
+    def _launch(self, request: Start) -> tuple[Child, str]:
+        """Start what is asked for. Return the child, and the name of its streams' ports if it has them."""
+        words = split_words(request.command)
+        if not words or not request.tag:
+            raise StartError("it has no command" if not words else "it has no tag; name one with (as TAG)")
+        if len(words) > MAX_WORDS:
+            raise StartError(f"it has {len(words)} words, and {MAX_WORDS} are the most")
+        directory = Path(request.directory or ".").absolute()
+        if not directory.is_dir():
+            raise StartError(
+                f"cannot set working directory {os.strerror(errno.ENOTDIR if directory.exists() else errno.ENOENT)}"
+            )
+        logger = self._log if request.log is None else request.log or self._log or LOGGER
+        changed = read_environment(request.environment)
+        variables = self._variables(changed, forwarded=logger is not None or bool(request.stdio))
+        program = _find_program(words[0], directory, variables.get("PATH"))
+        self._access.check_program(program, changed, os.environ)
+        launch = Launch(
+            request.tag,
+            request.command,
+            program,
+            words,
+            variables,
+            str(directory) if request.directory else None,
+            request.environment,
+            request.hold and not request.stdio,
+            logger,
+        )
+        if not request.stdio:
+            return self._children.start(launch, lambda child: self._sinks_of(child, logger)), ""
+        return self._launch_with_streams(launch)
+
+    @staticmethod
+    def _variables(changed: dict[str, str | None], *, forwarded: bool) -> dict[str, str]:
+        variables = {**os.environ, "YARP_IS_YARPRUN": "1", "YARPRUN_IS_FORWARDING_LOG": str(int(forwarded))}
+        if forwarded:
+            variables["PYTHONUNBUFFERED"] = "1"
+        for name, value in changed.items():
+            if value is None:
+                variables.pop(name, None)
+            else:
+                variables[name] = value
+        return variables
+
+    def _sinks_of(self, child: Child, logger: str | None) -> Iterable[Sink]:
+        if logger is None:
+            return ()
+        command = Path(child.launch.command.partition(" ")[0]).name
+        return (self._sender(f"/log{self.name}/{command}/{child.pid}", logger),)
+
+    def _sender(self, name: str, target: str, at_end: Callable[[], None] = lambda: None) -> LineSender:
+        sender = LineSender(name, network=self._network, target=target, report=self._say, at_end=at_end)
+        with self._lock:
+            self._senders = [*(one for one in self._senders if one.open), sender]
+        return sender
+
+    # Streams ---------------------------------------------------------------------------------------------------------
+
+    def _launch_with_streams(self, launch: Launch) -> tuple[Child, str]:
+        with self._lock:
+            number, self._stdio_count = self._stdio_count, self._stdio_count + 1
+        uuid = f"{self.name}/{os.getpid()}/{launch.tag}-{number}"
+        theirs, ours = os.pipe2(os.O_CLOEXEC)
+        try:
+            entrance = InputPort(f"{uuid}/stdin", ours, self._network)
+            try:
+                child = self._children.start(
+                    launch,
+                    lambda child: (
+                        *self._sinks_of(child, launch.log),
+                        self._sender(f"{uuid}/stdout", "", entrance.close),
+                    ),
+                    theirs,
+                )
+            except StartError:
+                entrance.close()
+                raise
+        finally:
+            os.close(theirs)
+        return child, uuid
+
+    def _open_terminal(self, request: Start, uuid: str) -> list[object]:
+        """Ask the other node to open the terminal, and return its answer; a refusal does not end the program."""
+        if request.stdio == self.name:
+            return aborted(self.name, request, f"Can't open a terminal: {self.name} opens none", "xterm")
+        try:
+            reply = RunClient(request.stdio, network=self._network).start(replace(request, uuid=uuid))
+        except (RunError, MiddlewareError) as error:
+            return aborted(self.name, request, f"Can't open a terminal: {error}", "xterm")
+        return [reply.pid, reply.text]
+
+
+def _find_program(name: str, directory: Path, path: str | None) -> str:
+    """Find a program as the original does: in the working directory, then on PATH. Raises StartError."""
+    here = directory / name
+    if here.is_file() and os.access(here, os.X_OK):
+        return str(here)
+    found = shutil.which(name, path=path) if "/" not in name else None
+    if found is None:
+        raise StartError(os.strerror(errno.EACCES if here.is_file() else errno.ENOENT))
+    return str(Path(found).absolute())
