@@ -26,6 +26,11 @@ from rtf.bottle.writing import float_text, quote
 if TYPE_CHECKING:
     from rtf.bottle import Value
 
+#: The port to which programs forward.
+COLLECTOR = "/yarplogger"
+#: The component of what the framework itself adds to a log.
+COMPONENT = "rtf.logs"
+
 
 class Level(IntEnum):
     """How serious a record is. ``UNKNOWN`` is that of a line that names none."""

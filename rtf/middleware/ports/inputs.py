@@ -10,6 +10,7 @@ messages of data.
 from __future__ import annotations
 
 import contextlib
+import select
 import threading
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
@@ -125,6 +126,16 @@ class Input(Connection):
     def is_here(self) -> bool:
         """Whether the current thread is the one that serves this connection."""
         return _SHARED_READER.is_here if self._shared else self._thread is threading.current_thread()
+
+    @property
+    def idle(self) -> bool:
+        """Whether all that has arrived, the end of the connection included, is being handled or has been."""
+        arriving = select.poll()
+        try:
+            arriving.register(self._stream.socket, select.POLLIN)
+            return not self._stream.unread and not arriving.poll(0)
+        except (OSError, ValueError):  # it has ended
+            return True
 
     def start(self) -> None:
         """Start the thread that serves the connection."""
