@@ -110,6 +110,8 @@ _NETWORK = (
     _network("wait", "/PORT [/TO]", "wait until a port answers, or two are connected", "exists:wait"),
     _network("ping", "/PORT", "connections of a port, and how fast it answers", "exists:ping"),
     _network("terminate", "/PORT", "ask the program of a port to end", "exists:terminate"),
+    _network("logger", "", "store what the programs of the network log", "logs:logger"),
+    _network("log", "", "show what was logged, and follow it", "logs:log"),
     _network("name", "WORD ...", "give the name server a command", "name_server:name"),
     _network("clean", "", "forget the names of ports that are gone", "name_server:clean"),
     _network("conf", "[HOST PORT]", "the file that says where the name server is", "name_server:conf"),
@@ -193,6 +195,10 @@ def _run_guarded(root: Command, words: Sequence[str]) -> int:
 
 
 def _run(command: Command, program: str, words: Sequence[str]) -> int:
+    if "YARP_FORWARD_LOG_ENABLE" in os.environ and command.name != "logger":  # which would forward to itself
+        from rtf.logs import forward_if_enabled
+
+        forward_if_enabled(program)
     if command.home and not command.on_network:
         return int(command.load()(words))
     if command.home:

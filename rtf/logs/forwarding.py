@@ -74,15 +74,22 @@ class Options:
 class ForwardingHandler(logging.Handler):
     """Sends records to ``/yarplogger``. The name of a logger is the record's component.
 
-    ``network`` is that of the port; None: that of the process. A process that is forked from this one has a port of its
-    own. :meth:`close`, which :mod:`logging` calls at the end of the program, sends what waits and a last record.
+    ``program`` is its name in the port's; empty: that of its file. ``network`` is that of the port; None: that of the
+    process. A process that is forked from this one has a port of its own. :meth:`close`, which :mod:`logging` calls at
+    the end of the program, sends what waits and a last record.
     """
 
     def __init__(
-        self, level: int = logging.NOTSET, *, options: Options | None = None, network: Network | None = None
+        self,
+        level: int = logging.NOTSET,
+        *,
+        program: str = "",
+        options: Options | None = None,
+        network: Network | None = None,
     ) -> None:
         super().__init__(level)
         self._options = options or Options.of(os.environ)
+        self._program = re.sub(r"[^\w.+-]", "-", program or _program())
         self._network = network
         self.dropped = 0
         self._begin()
@@ -130,7 +137,8 @@ class ForwardingHandler(logging.Handler):
     # In the sending thread -------------------------------------------------------------------------------------------
 
     def _run(self) -> None:
-        name = port_name(self._options)
+        label = f"[{self._options.label}]" if self._options.label else ""
+        name = f"/log/{platform.node()}/{self._program}{label}/{os.getpid()}"
         try:
             with PipelinedPort(name, RAW, network=self._network, patience=_PATIENCE, together=_TOGETHER) as port:
                 try:
@@ -145,7 +153,7 @@ class ForwardingHandler(logging.Handler):
 
     def _send(self, port: PipelinedPort) -> None:
         """Send records until the end, many at a time."""
-        process = _details_of_process(self._options)
+        process = self._details_of_process()
         while not self._closing.is_set():
             self._arrived.wait()
             self._arrived.clear()
@@ -194,6 +202,13 @@ class ForwardingHandler(logging.Handler):
             trace,
         )
 
+    def _details_of_process(self) -> tuple[str, str]:
+        """Return the groups of the computer and of the program, each empty unless it is asked for."""
+        host = details_text(hostname=platform.node()) if self._options.host else ""
+        if not self._options.process:
+            return host, ""
+        return host, details_text(pid=os.getpid(), cmd=self._program, args=" ".join(sys.argv[1:]))
+
 
 def _say(text: str) -> None:
     sys.stderr.write(f"[WARNING] |{COMPONENT}| {text}\n")
@@ -218,36 +233,25 @@ def handler(level: int = logging.NOTSET) -> ForwardingHandler:
     return ForwardingHandler(level)
 
 
-def forward_if_enabled(level: int = logging.INFO) -> ForwardingHandler | None:
-    """Forward all that is logged from ``level`` on if ``YARP_FORWARD_LOG_ENABLE`` asks for it; for programs."""
+def forward_if_enabled(program: str = "") -> ForwardingHandler | None:
+    """Forward the log of this program, whose name is found out if it is not given, if ``YARP_FORWARD_LOG_ENABLE`` is 1.
+
+    Records of the framework are forwarded from DEBUG on, those of other libraries from INFO on.
+    """
     if os.environ.get("YARP_FORWARD_LOG_ENABLE") not in _TRUE:
         return None
+    made = ForwardingHandler(program=program)
     root = logging.getLogger()
-    root.setLevel(min(level, root.level) if root.level else level)
-    made = handler(level)
     root.addHandler(made)
+    root.setLevel(logging.INFO)
+    logging.getLogger("rtf").setLevel(logging.DEBUG)
     return made
-
-
-def port_name(options: Options) -> str:
-    """Return the name of the port of this process."""
-    label = f"[{options.label}]" if options.label else ""
-    return f"/log/{platform.node()}/{_program()}{label}/{os.getpid()}"
 
 
 def _program() -> str:
     """Return the name of this program; that of its package if it was started with ``python -m``."""
     path = Path(sys.argv[0] if sys.argv and sys.argv[0] not in ("", "-c", "-m") else sys.executable)
-    name = path.parent.name if path.name == "__main__.py" else path.name
-    return re.sub(r"[^\w.+-]", "_", name) or "python"
-
-
-def _details_of_process(options: Options) -> tuple[str, str]:
-    """Return the groups of the computer and of the program, each empty unless it is asked for."""
-    host = details_text(hostname=platform.node()) if options.host else ""
-    if not options.process:
-        return host, ""
-    return host, details_text(pid=os.getpid(), cmd=_program(), args=" ".join(sys.argv[1:]))
+    return path.parent.name if path.name == "__main__.py" else path.name
 
 
 def _network_time() -> float | None:

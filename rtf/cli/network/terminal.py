@@ -7,6 +7,7 @@ closed and their names given back, unless a second signal or SIGKILL ends it at 
 from __future__ import annotations
 
 import io
+import logging
 import os
 import select
 import signal
@@ -32,6 +33,9 @@ class Closable(Protocol):
 
 
 P = TypeVar("P", bound=Closable)
+#: What is said of errors, connections and progress is logged, too; see :func:`rtf.logs.forward_if_enabled`.
+_log = logging.getLogger("rtf")
+_log.addHandler(logging.NullHandler())
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
@@ -122,7 +126,7 @@ ENDING = Ending()
 
 @contextmanager
 def opened(make: Callable[[], P]) -> Iterator[P]:
-    """A port for the time of a block. It is opened whole and closed whole, whatever signals come."""
+    """A port, or what has one, for the time of a block. It is opened whole and closed whole, whatever signals come."""
     ENDING.hold()
     try:
         port = make()
@@ -166,6 +170,7 @@ def say(text: str) -> None:
 
 def complain(text: str, hint: str = "") -> None:
     """Say what is wrong, marked as YARP marks it, and on a line of its own what would fix it."""
+    _log.error(text)
     print(f"[ERROR] {text}", file=sys.stderr)
     if hint:
         print(f"        {hint}", file=sys.stderr)
@@ -173,11 +178,13 @@ def complain(text: str, hint: str = "") -> None:
 
 def report(sentence: str) -> None:
     """Print what happened to a connection; for the network."""
+    _log.warning(sentence)
     print(f"[WARNING] {sentence}", file=sys.stderr, flush=True)
 
 
 def progress(text: str) -> None:
     """Print what is being waited for, on a terminal only."""
+    _log.info(text)
     if sys.stderr.isatty():
         print(text, file=sys.stderr, flush=True)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import sys
 from typing import TYPE_CHECKING
 
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
     from rtf.robot.interface.model import Robot
 
 FINE, FAILED, WRONG = 0, 1, 4
+_logger = logging.getLogger("rtf.robotinterface")
+_logger.addHandler(logging.NullHandler())
+_NUMBERS = logging.getLevelNamesMapping()
 _CLASS = "yarprobotinterfaceRpc"
 #: The wording of YARP's program.
 _READY = "Returns true if yarprobotinterface is ready (all startup actions\nperformed and no interrupt called)."
@@ -37,7 +41,7 @@ _ENDS = "Ends it, as the first signal does; the answer is bye."
 
 
 class ConsoleLog:
-    """Prints log messages, one per line with its level. A closed output stream is ignored."""
+    """Prints log messages, one per line with its level, and logs them. A closed output stream is ignored."""
 
     def __init__(self, stream: TextIO | None = None, *, verbose: bool = False) -> None:
         self._stream = sys.stderr if stream is None else stream
@@ -45,6 +49,7 @@ class ConsoleLog:
 
     def __call__(self, level: Level, sentence: str) -> None:
         """Print a message. May be called from any thread."""
+        _logger.log(_NUMBERS[level], "%s", sentence)
         if level is Level.DEBUG and not self._verbose:
             return
         text = "\n        ".join(map(printable, sentence.rstrip().splitlines()))
