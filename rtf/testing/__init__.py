@@ -54,7 +54,7 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> object:
-    """Load a public name when it is first asked for: ``testrunner --help`` must not pay for the runner."""
+    """Load a public name when it is first used, so that ``testrunner --help`` does not load the runner."""
     home = _HOMES.get(name)
     if home is None:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

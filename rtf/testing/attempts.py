@@ -1,7 +1,7 @@
 """The attempts at one test, up to its final verdict.
 
-What keeps it from being started, whether it is tried again, and what a lost fixture, a retry or an expectation make of
-its verdict is decided here. One attempt is ``isolation.attempt``.
+This module decides whether a test can start, whether it is tried again, and how a lost fixture, a retry or an
+expectation changes its verdict. One attempt is ``isolation.attempt``.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _SETTLING = 0.1
 
 
 class Attempts:
-    """All attempts at a test of the suite that a suite worker is at. One thread's."""
+    """All attempts at one test of a suite worker's current suite. For one thread."""
 
     def __init__(self, worker: SuiteWorker, test: TestEntry) -> None:
         self._worker = worker
@@ -41,7 +41,7 @@ class Attempts:
         self._emit = worker.emit
         self._test = test
         self._names = [fixture.name for fixture in worker.current.fixtures_of(test)]
-        self._failed: list[Verdict] = []  # what earlier attempts came to, which nothing hides
+        self._failed: list[Verdict] = []  # the verdicts of earlier attempts, which nothing hides
         self._cases = CaseTests(
             test,
             self._run.results.tests[test.id].planned,
@@ -51,7 +51,7 @@ class Attempts:
         )
 
     def run(self) -> int:
-        """Run the test, up to its final end. Returns how many did not pass of the test and its cases."""
+        """Run the test up to its final end. Returns how many of the test and its cases did not pass."""
         obstacle = self._obstacle()
         if obstacle is not None:
             self._never_started(*obstacle)
@@ -61,14 +61,14 @@ class Attempts:
         return self._cases.failures + (verdict is not None and not verdict.good)
 
     def bring_up(self) -> bool:
-        """Have what the test needs up. False when it cannot be started; :meth:`run` then says at once why."""
+        """Bring up the fixtures of the test. False: it cannot start, and :meth:`run` only reports why."""
         return self._obstacle() is None and not self._bring_up()
 
     def _bring_up(self) -> str:
         return self._supervisor.bring_up(self._names) if self._names else ""
 
     def _obstacle(self) -> tuple[Verdict, str, str] | None:
-        """Why the test is not to be started: its verdict, the reason, and the sentence for people."""
+        """Return the verdict of a test that cannot start, the reason, and a sentence for people; None if it can."""
         reason = self._worker.stop_reason()
         if reason:
             return Verdict.NOT_RUN, "not run", reason
@@ -110,7 +110,7 @@ class Attempts:
                 self._failed.append(outcome.verdict)
 
     def _not_up(self, attempt: int, problem: str) -> None:
-        """The last word on a test that cannot be started, or not once more."""
+        """Report the final end of a test that cannot be started, or not once more."""
         reason = self._worker.stop_reason()
         if self._failed:
             detail = f"it did not pass, and was not tried again: {reason or problem}"
@@ -151,7 +151,7 @@ class Attempts:
             )
             outcome = attempt.run(worker.shared_child if isolation is Isolation.SUITE else None)
             if attempt.stop and isolation is Isolation.SUITE:
-                worker.end_shared()  # what stopped this test is not to reach the next one
+                worker.end_shared()  # what stopped this test must not reach the next one
         outcome = self._confirmed(outcome)
         if outcome.cut_short:
             self._supervisor.enter_safe_state(self._names)
@@ -164,7 +164,7 @@ class Attempts:
         return Stop(Verdict.FIXTURE_LOST, "fixture", lost) if lost else self._worker.stop_of_test()
 
     def _confirmed(self, outcome: Outcome) -> Outcome:
-        """A verdict on a robot counts only if what the test needs is still there."""
+        """Return the outcome, or *fixture lost* if a fixture of the test is not up any more."""
         if not self._names or outcome.verdict in (Verdict.FIXTURE_LOST, Verdict.INTERRUPTED):
             return outcome
         if outcome.verdict in _RETRIED:
@@ -177,7 +177,7 @@ class Attempts:
         return replace(outcome, verdict=Verdict.FIXTURE_LOST, reason="fixture", detail=detail, cut_short=True)
 
     def _settle(self) -> None:
-        """Wait a moment for bad news: a program that dies drops its connections before its end can be seen.
+        """Wait a moment, because a program that dies closes its connections before its end can be seen.
 
         A test that failed only because of this must not be blamed for it.
         """
@@ -240,11 +240,11 @@ class Attempts:
         )
 
     def _verdict_of_case(self, verdict: Verdict, failed: list[Verdict]) -> Verdict:
-        """The final verdict of a case. Where a program is expected to fail, not each of its cases is."""
+        """Return the final verdict of a case. If a program is expected to fail, some of its cases may still pass."""
         return verdict if verdict.good and not failed else self._final_verdict(verdict, failed)
 
     def _final_verdict(self, verdict: Verdict, failed: list[Verdict]) -> Verdict:
-        """What is said in the end of what came to ``verdict``, after attempts that came to ``failed``."""
+        """Return the verdict of the test if its last attempt has ``verdict`` and earlier ones ended with ``failed``."""
         passed = verdict in (Verdict.PASSED, Verdict.MEASURED)
         if self._test.expected is Expected.FAIL:
             if verdict is Verdict.FAILED:
@@ -258,7 +258,7 @@ class Attempts:
 
 
 def _worst(verdicts: list[Verdict]) -> Verdict:
-    """What several attempts say together when none of them settled it: that something failed is never hidden."""
+    """Return the verdict of several attempts that all ended badly: a failure counts more than an error."""
     return Verdict.FAILED if Verdict.FAILED in verdicts else Verdict.ERROR
 
 
@@ -266,9 +266,9 @@ def _worst(verdicts: list[Verdict]) -> Verdict:
 
 
 def _unmet(test: TestEntry, results: RunResult, features: frozenset[str]) -> tuple[Verdict, str] | None:
-    """What becomes of a test of which a requirement does not hold, and the sentence for people.
+    """Return the verdict of a test of which a requirement does not hold, and a sentence for people.
 
-    A test that stands on another one (``test:``) is blocked when that did not pass; all else is a reason to skip:
+    A test that requires another one (``test:``) is blocked when that did not pass; all else is a reason to skip:
     ``program:NAME`` on the PATH, ``module:NAME`` to import, ``env:NAME`` set, ``file:PATH`` there, or a bare word that
     the command line grants with ``--feature``.
     """

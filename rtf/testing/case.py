@@ -95,7 +95,7 @@ class TestCase(Declared, UsesFixtures):
 
     @property
     def failing(self) -> bool:
-        """Whether something has failed, or gone wrong, so far; and whether the test was stopped."""
+        """Whether something has failed or gone wrong so far, or the test was stopped."""
         return bool(self._session.tally.failures or self._session.tally.errors or self._session.stopped)
 
     def rename(self, name: str, description: str = "") -> None:
@@ -103,11 +103,11 @@ class TestCase(Declared, UsesFixtures):
         self._session.emit(TestRenamed(test=self._session.test, name=name, description=description))
 
     def report(self, text: str) -> None:
-        """Say something; it weighs nothing."""
+        """Write a message into the journal; it does not change the verdict."""
         self._session.message(Severity.INFO, "reports", text, calling_place(__file__))
 
     def warn(self, text: str) -> None:
-        """Say something that somebody should look at; it weighs nothing in the verdict."""
+        """Write a warning into the journal; it does not change the verdict."""
         self._session.message(Severity.WARNING, "warns", text, calling_place(__file__))
 
     def add_cleanup(self, function: Callable[..., object], /, *args: object, **kwargs: object) -> None:
@@ -115,7 +115,7 @@ class TestCase(Declared, UsesFixtures):
         self.cleanup_stack().append((function, args, kwargs))
 
     def cleanup_stack(self) -> list[Cleanup]:
-        """The clean-ups not yet done, the next one last. For the worker that does them."""
+        """The clean-ups that are not done yet, the next one last. For the worker, which does them."""
         stack: list[Cleanup] = self.__dict__.setdefault("_cleanup_stack", [])
         return stack
 
@@ -129,20 +129,20 @@ class TestCase(Declared, UsesFixtures):
         raise SkipTest(reason)
 
     def inconclusive(self, reason: str) -> NoReturn:
-        """End the test (or sub-result): it ran, and nothing can be said."""
+        """End the test (or sub-result): it was carried out and cannot judge, for this reason."""
         raise Inconclusive(reason)
 
     def subresult(self, subject: str) -> AbstractContextManager[None]:
-        """A part of the test with a verdict of its own: ``with self.subresult("joint 3"): …``.
+        """A part of the test with its own verdict: ``with self.subresult("joint 3"): …``.
 
-        Whatever ends the part, a failed assertion or an exception too, does not end the test.
+        Neither a failed assertion nor an exception in the part ends the test.
         """
         return self._session.part(subject)
 
     # Assertions: end the test --------------------------------------------------------------------------------
 
     def assert_fail(self, text: str) -> NoReturn:
-        """Fail."""
+        """End the test (or sub-result) as failed."""
         self._session.judged()
         raise TestFailure(text)
 
@@ -351,7 +351,7 @@ class TestCase(Declared, UsesFixtures):
         return answer
 
     def _kept_picture(self, picture: str) -> str:
-        """The path of a picture inside the run's folder, where it is attached unless it is there already."""
+        """Return the path of a picture inside the run's folder; one from elsewhere is attached first."""
         folder = self._session.run_folder.resolve()
         path = Path(picture) if Path(picture).exists() else folder / picture
         if path.resolve().is_relative_to(folder) and path.is_file():
@@ -409,7 +409,7 @@ class TestCase(Declared, UsesFixtures):
         return self._conclude(not wrong, f"{text}: {sentence}" if text else sentence, stop=stop)
 
     def _conclude(self, holds: object, detail: str, *, stop: bool, measurement: Measurement | None = None) -> bool:
-        """Count a judgement. An assertion says nothing when it holds, and ends the test when it does not."""
+        """Count a judgement. An assertion that holds is not reported; one that does not hold ends the test."""
         if not stop:
             return self._session.check(holds, detail, calling_place(__file__), measurement=measurement)
         self._session.judged()

@@ -1,8 +1,8 @@
-"""The cases of a program under test as tests of their own: planned, started and ended as the program tells of them.
+"""The cases of a program under test as tests of their own: planned, started and ended when the program reports them.
 
-A test that is a program has its own verdict (it crashed, broke the protocol, left with a status that nothing explains);
-each case that it reports is a test below it. The program's process only says what its cases came to; what is made of
-that over repetitions, attempts and lost fixtures is decided here, in the thread of the program's suite worker.
+A test that is a program has its own verdict (it crashed, broke the protocol, ended with an unexplained exit status);
+each case that it reports is a test below it. The program's process only reports the results of its cases; their
+verdicts over repetitions, attempts and lost fixtures are decided here, in the thread of the program's suite worker.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ if TYPE_CHECKING:
     from rtf.testing.isolation.messages import Case
     from rtf.testing.suite.model import TestEntry
 
-#: More cases of one program are no tests of their own; that some of them are bad is the failure of the program.
+#: More cases of one program are no tests of their own; if one of them is bad, the program is failed.
 MAX_CASES = 100_000
 
-#: What several runs of a case say together: the first of these that one of them came to.
+#: The verdict of several runs of a case: the first of these that one of them had.
 _WORST = (Verdict.FAILED, Verdict.ERROR, Verdict.PASSED, Verdict.EXPECTED_FAILURE)
-#: What a program comes to when nothing is known of its cases, and they come to the same.
+#: Verdicts of a program that hold for the cases that it did not report, too.
 _SHARED = frozenset({Verdict.SKIPPED, Verdict.FIXTURE_LOST, Verdict.INTERRUPTED})
 _REASONS = {Verdict.FAILED: "failure", Verdict.FIXTURE_LOST: "fixture"}
 
 
 @dataclass(slots=True)
 class _CaseTest:
-    """One case: what it came to in the runs of this attempt, and in which attempts before this one it was bad."""
+    """One case: its results in the runs of this attempt, and its bad verdicts in earlier attempts."""
 
     id: str
     told: list[Case] = field(default_factory=list)
@@ -43,12 +43,12 @@ class _CaseTest:
 
     @property
     def outcome(self) -> Case:
-        """The worst of this attempt's runs."""
+        """Return the worst of this attempt's runs."""
         return next((case for verdict in _WORST for case in self.told if case.verdict is verdict), self.told[-1])
 
 
 def planned_case(program: TestPlanned, test: str, name: str, file: str = "", line: int = 0) -> TestPlanned:
-    """Return the event that plans a case of a program; without a file of its own it is where the program is."""
+    """Return the event that plans a case of a program; a case without a file has the program's place."""
     return TestPlanned(
         test=test,
         suite=program.suite,
@@ -67,9 +67,9 @@ def planned_case(program: TestPlanned, test: str, name: str, file: str = "", lin
 class CaseTests:
     """The cases of one program over all attempts at it.
 
-    ``judge`` says what the final verdict of a case is: of what it came to, and of what it came to in the attempts
-    before that were bad. With ``live`` the one run of the program is all there will be: the end of a case is told at
-    once; else it is told when the attempt is over.
+    ``judge`` returns the final verdict of a case from its last verdict and from its bad verdicts in earlier attempts.
+    With ``live`` the program runs only once, so that the end of a case is reported at once; else it is reported when
+    the attempt is over.
     """
 
     def __init__(
@@ -99,9 +99,9 @@ class CaseTests:
         return tuple(name for name, test in self._tests.items() if not test.final) if self._limited else ()
 
     def take(self, case: Case) -> bool:
-        """Take in what the program tells of a case. False when there are too many.
+        """Add a result of a case. Returns False if the program has too many cases.
 
-        A case that is not wanted does not count: the program ran it anyway.
+        A case that was not wanted, but that the program ran, does not count.
         """
         test = self._tests.get(case.name)
         if test is None and not self._limited:
@@ -117,9 +117,9 @@ class CaseTests:
         return True
 
     def end_attempt(self, outcome: Verdict, detail: str, *, again: bool) -> None:
-        """Tell how the cases ended in the attempt, in which the program itself came to ``outcome``.
+        """Report the ends of the cases in the attempt, in which the program itself had the verdict ``outcome``.
 
-        When the program is tried ``again``, it is so with the cases that were bad, or with all if it was bad itself.
+        If the program is tried ``again``, it runs the cases that were bad, or all if the program itself was bad.
         """
         only_cases = again and outcome.good
         for test in self._tests.values():
@@ -134,7 +134,7 @@ class CaseTests:
             )
 
     def give_up(self, verdict: Verdict, reason: str, detail: str) -> None:
-        """Say the last word on the cases that have none: the program is not run, or has not told of them."""
+        """Report the final end of each case without one: the program is not run, or has not reported the case."""
         for test in self._tests.values():
             if not test.final:
                 worst = Verdict.FAILED if Verdict.FAILED in test.before else Verdict.ERROR
@@ -145,7 +145,7 @@ class CaseTests:
                 )
 
     def _end(self, test: _CaseTest, program: Verdict, why: str, *, final: bool) -> None:
-        """Tell how a case ended in this attempt. Nothing is said of the robot once a fixture was lost."""
+        """Report the end of a case in this attempt. If a fixture was lost, the case is *fixture lost*, too."""
         case = test.outcome
         outcome, detail = case.verdict, case.detail
         if program is Verdict.FIXTURE_LOST:

@@ -1,8 +1,8 @@
-"""What may run at the same time, and which test a suite worker runs next: each test of the run is handed out once.
+"""What may run at the same time, and which test a suite worker runs next. Each test of the run is handed out once.
 
-Suites that use the same thing, such as a robot, run one after the other. A suite that may have ``copies`` of its
-fixtures is run by several suite workers at the same time. A test waits for those that it requires, and for those that
-occupy what it occupies, in whatever suite they are.
+Suites that use the same resource, such as a robot, run one after the other. A suite that may have ``copies`` of its
+fixtures is run by several suite workers at the same time. A test waits for the tests that it requires, and for those of
+any suite that occupy a resource that it occupies.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rtf.testing.plugins import PluginRef
     from rtf.testing.suite.model import FixtureEntry, TestEntry, TestSuite
 
-#: The variable in the ``param`` of a fixture that differs from copy to copy.
+#: The variable in the ``param`` of a fixture that is replaced by the number of the copy.
 COPY = "copy"
 #: What fixtures of robots occupy.
 ROBOT = "robot"
@@ -43,7 +43,7 @@ class _Queue:
 
 
 class Dispatcher:
-    """Hands out tests, in the order of the plan as far as nothing is to be waited for. Any thread may ask."""
+    """Hands out tests, in the order of the plan unless a test has to wait for another. Any thread may ask."""
 
     def __init__(self, suites: Sequence[TestSuite], done: Collection[str]) -> None:
         self._lock = threading.Lock()
@@ -59,9 +59,9 @@ class Dispatcher:
         return not self._queues[suite].waiting
 
     def enter(self, suite: TestSuite, wake: Callable[[], None]) -> tuple[bool, clock.Deadline]:
-        """Note that a worker begins with a suite: whether it is the first one, and when the suite has to end.
+        """Register a worker at a suite. Returns whether it is the first one, and the deadline of the suite.
 
-        ``wake`` is called whenever a test has ended that others may have waited for.
+        ``wake`` is called whenever a test has ended for which others may wait.
         """
         with self._lock:
             queue = self._queues[suite.id]
@@ -74,7 +74,7 @@ class Dispatcher:
             return first, queue.deadline
 
     def leave(self, suite: str, wake: Callable[[], None]) -> tuple[bool, float]:
-        """Note that a worker is through with a suite: whether it is the last one, and the seconds since the first."""
+        """Unregister a worker from a suite. Returns whether it was the last one, and the suite's age in seconds."""
         with self._lock:
             queue = self._queues[suite]
             queue.workers -= 1
@@ -82,15 +82,15 @@ class Dispatcher:
             return queue.workers == 0, clock.monotonic() - queue.began
 
     def take(self, suite: str, *, stopping: bool) -> str:
-        """The id of the next test of a suite, or an empty text when none may begin now.
+        """Return the id of the next test of a suite, or an empty text if none may begin now.
 
-        When the run is ``stopping`` none is waited for: it is only reported as not run.
+        When the run is ``stopping``, no test waits: each is only reported as not run.
         """
         with self._lock:
             queue = self._queues[suite]
             chosen = next((n for n, test in enumerate(queue.waiting) if stopping or self._may_begin(test, queue)), None)
             if chosen is None and queue.waiting and not (queue.running or self._occupied):
-                chosen = 0  # it requires one behind it, and its error says so
+                chosen = 0  # it requires a later test, and its error says so
             if chosen is None:
                 return ""
             test = queue.waiting.pop(chosen)
@@ -102,7 +102,7 @@ class Dispatcher:
         return queue.unfinished.isdisjoint(test.required_tests) and self._occupied.isdisjoint(test.occupies)
 
     def ended(self, suite: str, test: str) -> None:
-        """Note the end of a test, and wake those who may have waited for it."""
+        """Record the end of a test, and wake the workers that may wait for it."""
         with self._lock:
             queue = self._queues[suite]
             queue.unfinished.discard(test)
@@ -127,7 +127,7 @@ class Use(NamedTuple):
 
 
 def uses(suite: TestSuite) -> list[Use]:
-    """Return what the fixtures of a suite provide. What a plug-in occupies is there once.
+    """Return what the fixtures of a suite provide; of what a plug-in occupies there is only one.
 
     A test that may move something and has no simulator among its fixtures moves a robot that was there before the run.
     """
@@ -165,7 +165,7 @@ def _use(entry: FixtureEntry) -> Use:
 
 
 def groups_sharing_fixtures(suites: Sequence[TestSuite]) -> list[list[TestSuite]]:
-    """Suites that use a fixture in common must not run at the same time; the groups keep the order of the plan."""
+    """Return groups of suites, in the order of the plan; suites with a common fixture are in one group."""
     used = [uses(suite) for suite in suites]
     there_once = {use.thing for of_suite in used for use in of_suite if not use.param}
     groups: list[tuple[set[Use], list[TestSuite]]] = []
@@ -184,10 +184,10 @@ def groups_sharing_fixtures(suites: Sequence[TestSuite]) -> list[list[TestSuite]
 
 
 def copies_of(suite: TestSuite, most: int) -> list[TestSuite]:
-    """The suite as it is run by each of at most ``most`` suite workers at the same time.
+    """Return the suite as it is run by each of at most ``most`` suite workers at the same time.
 
-    It is one alone if its fixtures are there once: those that say so, such as a robot, and those whose ``param`` is the
-    same in every copy.
+    There is only one if its fixtures exist once: those that declare it, such as a robot, and those whose ``param`` is
+    the same in every copy.
     """
     count = min(suite.copies, most, len(suite.tests))
     copies = [suite, *(numbered_copy(suite, number) for number in range(2, count + 1))]
@@ -195,7 +195,7 @@ def copies_of(suite: TestSuite, most: int) -> list[TestSuite]:
 
 
 def numbered_copy(suite: TestSuite, number: int) -> TestSuite:
-    """A suite with a copy of its fixtures; from the second one on their names end with the number."""
+    """Return a suite with a copy of its fixtures; from the second copy on their names end with the number."""
     tests = (
         test
         if number == 1 or test.fixtures is None
@@ -222,5 +222,5 @@ def _numbered(name: str, number: int) -> str:
 
 
 def copy_suffix(number: int) -> str:
-    """What the names of the fixtures of a copy end with."""
+    """Return the ending of the names of a copy's fixtures."""
     return "" if number == 1 else f"@{number}"

@@ -1,4 +1,4 @@
-"""The event classes: the one vocabulary shared by tests, runner, journal and reporters.
+"""The event classes, which tests, runner, journal and reporters share.
 
 An event is a frozen record of something that happened, at a time. A test emits events in its own process, the runner
 adds its own, the journal appends them all in one order, and reporters consume them; whatever a report shows can be
@@ -21,7 +21,7 @@ from rtf.testing.verdict import FixtureState, MeasurementVerdict, Phase, Severit
 #: Version of the vocabulary. It grows when an event or member changes meaning, not when one is added.
 FORMAT = 1
 
-#: No count or time of ours is larger; every reader can hold it, those with 64-bit integers too.
+#: No count or time of RTF is larger; every reader can hold it, those with 64-bit integers too.
 _BIGGEST = (1 << 63) - 1
 Count = Annotated[int, msgspec.Meta(ge=-_BIGGEST, le=_BIGGEST)]
 Moment = Annotated[float, msgspec.Meta(ge=-_BIGGEST, le=_BIGGEST)]
@@ -34,7 +34,7 @@ class EventError(RtfError, ValueError):
 
 
 class UnknownEventError(EventError):
-    """A record of a kind that this version does not know; a newer one may have written it."""
+    """A record of a kind that this version does not know; a newer version may have written it."""
 
 
 class Event(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, tag_field="event"):
@@ -50,10 +50,10 @@ class Event(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, tag_f
         return str(self.__struct_config__.tag)
 
     def with_seq(self, seq: int) -> Self:
-        """The same event at its place in the run's one order. An event that has none yet is given it, not copied."""
+        """Return the event with this place in the run's order. An event that has none yet is changed, not copied."""
         if self.seq:
             return msgspec.structs.replace(self, seq=seq)
-        msgspec.structs.force_setattr(self, "seq", seq)  # its maker has handed it over, and nobody else has seen it
+        msgspec.structs.force_setattr(self, "seq", seq)  # its maker has handed it over, and no other code has it
         return self
 
 
@@ -77,7 +77,7 @@ class RunStarted(Event, tag="run_started", frozen=True, kw_only=True):
 
 
 class Diagnosed(Event, tag="diagnosed", frozen=True, kw_only=True):
-    """Something about a suite, a plug-in or the command line that a person should know; not of one test's run."""
+    """A problem of a suite, a plug-in or the command line; not of one test's run."""
 
     severity: Severity
     text: str
@@ -136,10 +136,10 @@ class TestPlanned(Event, tag="test_planned", frozen=True, kw_only=True):
 
 
 class PlanChanged(Event, tag="plan_changed", frozen=True, kw_only=True):
-    """The suites were edited between two parts of a run: ids of the tests that came, went, or are another test now.
+    """The suites were edited between two parts of a run: the ids of tests that are new, removed or changed.
 
-    What the earlier parts tell of a removed or changed test is void. ``removed`` holds suites of which nothing is left,
-    too.
+    What earlier parts report of a removed or changed test is void. ``removed`` also holds suites of which nothing is
+    left.
     """
 
     added: tuple[str, ...] = ()
@@ -174,7 +174,7 @@ class FixtureChanged(Event, tag="fixture_changed", frozen=True, kw_only=True):
 
 
 class FixtureIncident(Event, tag="fixture_incident", frozen=True, kw_only=True):
-    """Something went wrong with a fixture: what, in which phase and generation, and which test stood on it.
+    """A fixture went wrong: in which phase and generation, why, and during which test.
 
     ``exit_status`` and ``signal`` are those of the program that ended, where one did; ``output`` holds its last lines.
     """
@@ -192,7 +192,7 @@ class FixtureIncident(Event, tag="fixture_incident", frozen=True, kw_only=True):
 
 
 class TestStarted(Event, tag="test_started", frozen=True, kw_only=True):
-    """An attempt at a test begins in process ``pid``. ``fixtures`` maps a fixture to the generation it stands on."""
+    """An attempt at a test begins in process ``pid``. ``fixtures`` maps its fixtures to their generations."""
 
     test: str
     attempt: Count = 1
@@ -218,7 +218,7 @@ class TestRenamed(Event, tag="test_renamed", frozen=True, kw_only=True):
 
 
 class ParametersResolved(Event, tag="parameters_resolved", frozen=True, kw_only=True):
-    """The values a test runs with: rows of ``name``, ``value`` (text form), ``unit`` and ``source`` (whence it is)."""
+    """The values of a test's parameters: rows of ``name``, ``value`` (text form), ``unit`` and ``source``."""
 
     test: str
     parameters: tuple[dict[str, str], ...]
@@ -286,9 +286,9 @@ class SeriesRecorded(Event, tag="series_recorded", frozen=True, kw_only=True):
 
 
 class SeriesSampled(Event, tag="series_sampled", frozen=True, kw_only=True):
-    """A series grows: ``samples`` holds some points of each column since the last time, in the order of ``columns``.
+    """A series grows: ``samples`` holds some of the newest points of each column, in the order of ``columns``.
 
-    A preview for those who watch, a few points a batch; the whole follows in ``SeriesRecorded``.
+    It is a preview of a few points at a time; ``SeriesRecorded`` has the whole series.
     """
 
     test: str
@@ -373,8 +373,8 @@ class StackDumped(Event, tag="stack_dumped", frozen=True, kw_only=True):
 class TestEnded(Event, tag="test_ended", frozen=True, kw_only=True):
     """An attempt is over and its process gone.
 
-    ``outcome`` is what this attempt came to. When ``final``, ``verdict`` is what is said of the test: it differs from
-    the outcome for a flaky test and an expected failure. ``reason`` is a short machine word (``timeout``, ``crash``,
+    ``outcome`` is the verdict of this attempt. When ``final``, ``verdict`` is that of the test: it differs from the
+    outcome for a flaky test and an expected failure. ``reason`` is a short machine word (``timeout``, ``crash``,
     ``assertion`` …), ``detail`` the sentence for people. A test that never started has attempt 0.
     """
 
@@ -393,14 +393,14 @@ class TestEnded(Event, tag="test_ended", frozen=True, kw_only=True):
 
 
 class Interrupted(Event, tag="interrupted", frozen=True, kw_only=True):
-    """Somebody asked the run to stop. ``stage`` 1: after the running test; 2: now; 3: kill."""
+    """The run was asked to stop. ``stage`` 1: after the running test; 2: now; 3: kill."""
 
     source: str
     stage: Count
 
 
 class InternalError(Event, tag="internal_error", frozen=True, kw_only=True):
-    """The framework itself, or a reporter, broke. The run goes on where it can, and its exit code tells."""
+    """RTF itself, or a reporter, broke. The run goes on where it can, and its exit code says so."""
 
     text: str
     traceback: str = ""
@@ -423,12 +423,12 @@ _NUMBERS = {
     for kind, cls in KINDS.items()
 }
 _LONGEST_REASON = 250
-#: What members were called in journals of before.
+#: The names of members in earlier journals, and their present names.
 _FORMER_NAMES = {"incarnation": "generation"}
 
 
 def _builtin(value: object) -> str | float:
-    """Return what a text or number of somebody's own class stands for; numpy has such."""
+    """Return the text or number that an object of an author's class stands for, such as a number of numpy."""
     if isinstance(value, str):
         return str.__str__(value)
     if isinstance(value, float | int):
@@ -465,7 +465,7 @@ def _finite(value: Any) -> Any:
 
 
 def from_line(line: bytes | str) -> Event:
-    """Read one line of a journal. Raises EventError when it is no event.
+    """Read one line of a journal. Raises EventError when the line is no event.
 
     Members that are not known are dropped, so that newer journals can be read.
     """

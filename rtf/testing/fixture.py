@@ -58,12 +58,12 @@ _TYPES = (bool, int, float, str, list, dict)
 
 
 class FixtureValueError(TypeError):
-    """A value of a fixture that is not there, not declared, or of another type than declared."""
+    """A fixture value that is missing, not declared, or of another type than declared."""
 
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """The declaration of a value that a fixture provides: its type, one of those of JSON, and what it is."""
+    """The declaration of a value that a fixture provides: its type, one of those of JSON, and its description."""
 
     kind: type
     description: str = ""
@@ -75,7 +75,7 @@ class Value:
 class FixtureValue(Generic[T]):
     """A value of a fixture that a test, or another fixture, needs; it is read like an attribute.
 
-    It is checked before anything of the test is called. A new generation of the fixture has new values.
+    It is checked before any method of the test is called. A new generation of the fixture has new values.
     """
 
     def __init__(self, kind: type[T], *, fixture: str, key: str) -> None:
@@ -104,7 +104,7 @@ class FixtureValue(Generic[T]):
 
 
 class UsesFixtures:
-    """What tests and fixtures have in common: they read the values of their fixtures."""
+    """The base of tests and fixtures: both read the values of their fixtures."""
 
     #: The needed values by the name of the attribute; filled by :class:`FixtureValue`.
     needed_values: Mapping[str, FixtureValue[Any]] = {}
@@ -118,7 +118,7 @@ class UsesFixtures:
         return self._fixture_values[name]
 
     def take_fixture_values(self, text: str) -> None:
-        """Take over the values of all fixtures, and see that those are there which are needed. For the worker."""
+        """Store the values of all fixtures, and check that the needed ones are there. For the worker."""
         if text:
             self._fixture_values = json.loads(text)
         for name in self.needed_values:
@@ -144,20 +144,20 @@ def _require_type(kind: type) -> None:
 
 
 class FixtureUnusable(FixtureCollapsed):
-    """Raised in ``setup``: it cannot be brought up, and another try would come to the same."""
+    """Raised in ``setup``: the fixture cannot be brought up, and another try would not help."""
 
 
 class FixtureManager(Declared, UsesFixtures):
-    """Brings up something that tests need, says whether it is still there, and brings it down.
+    """Brings up something that tests need, reports whether it is still there, and brings it down.
 
-    ``plugin_name`` is the name suites use (default: the class name), ``aliases`` are further ones. What it ``occupies``
-    is there once, such as ``robot``: suites with fixtures that occupy the same never run at the same time.
+    ``plugin_name`` is the name suites use (default: the class name), ``aliases`` are further ones. ``occupies`` names
+    resources that exist once, such as ``robot``: suites with fixtures that occupy the same never run at the same time.
 
-    It ``provides`` values, which are declared by key, to tests; :meth:`provide_value` hands them on.
+    ``provides`` declares values for tests, by key; :meth:`provide_value` gives them.
 
     ``stop_limit`` is how many seconds ``enter_safe_state`` and ``teardown`` may take together when the run is ended by
-    SIGTERM or SIGHUP. A run ends within eight seconds then, with four for its fixtures; one that needs longer declares
-    it, and the run says that it waits.
+    SIGTERM or SIGHUP. A run ends within eight seconds then, with four for its fixtures; a fixture that needs longer
+    declares it, and the run reports that it waits.
     """
 
     plugin_name: ClassVar[str] = ""
@@ -177,37 +177,37 @@ class FixtureManager(Declared, UsesFixtures):
     # What an author writes -------------------------------------------------------------------------------------
 
     def setup(self) -> bool | None:
-        """Bring it up, and return when tests can use it. Returning False, or raising, means it is not usable.
+        """Bring the fixture up; return when tests can use it. It is unusable if this returns False or raises.
 
-        It is then torn down and tried again, as often as the suite's ``restarts`` say; after FixtureUnusable it is not.
+        It is then torn down and tried again, as often as the suite's ``restarts`` say, but not after FixtureUnusable.
         """
 
     def check(self) -> bool | None:
-        """Say whether it is still up. Returning False means it collapsed; so does raising, with the reason said.
+        """Return whether the fixture is still up. False means that it collapsed; so does an exception, with its reason.
 
-        Raise FixtureCollapsed to give the reason in your words. It has ten seconds.
+        Raise FixtureCollapsed to give the reason in your words. The check has ten seconds.
         """
 
     def teardown(self) -> None:
-        """Bring it down, as far as ``setup`` came. Called whenever ``setup`` was begun, exactly once.
+        """Bring the fixture down, as far as ``setup`` came. Called exactly once after ``setup`` was begun.
 
-        What it raises is reported, makes the run fail, and keeps nothing else from being torn down.
+        An exception is reported and makes the run fail; other fixtures are torn down all the same.
         """
 
     def enter_safe_state(self) -> None:
         """Bring what a test left into a safe state: after a test that was cut short, and before ``teardown``.
 
-        That is one that was stopped or killed, or in whose teardown or clean-ups something went wrong. Called only
-        while the fixture is up: when it collapsed under such a test, the next generation is asked before anything else
-        uses it. If it raises, or takes more than 45 seconds, between tests, the fixture counts as collapsed: its state
-        is unknown. After a runner that was killed it has this time, too.
+        A test was cut short if it was stopped or killed, or if its teardown or a clean-up went wrong. The method is
+        called only while the fixture is up: when the fixture collapsed under such a test, the next generation is asked
+        before it is used. If it raises, or takes more than 45 seconds, between tests, the fixture counts as collapsed:
+        its state is unknown. The limit holds after the runner was killed, too.
         """
 
     def on_collapse(self, reason: str) -> None:
-        """Take note of a collapse, before ``teardown``; the place to save logs. Not called when ``setup`` failed."""
+        """React to a collapse, before ``teardown``, for instance by saving logs. Not called when ``setup`` failed."""
 
     def before_restart(self, generation: int) -> None:
-        """Prepare the ground for another try (``generation`` is 2 or more), before ``setup``."""
+        """Prepare another try (``generation`` is 2 or more), before ``setup``."""
 
     # What an author calls --------------------------------------------------------------------------------------
 
@@ -224,7 +224,7 @@ class FixtureManager(Declared, UsesFixtures):
     def collapsed(
         self, reason: str, *, exit_status: int | None = None, signal_name: str = "", output: str = ""
     ) -> None:
-        """Announce that the fixture is not usable any more. From any thread; the first announcement counts.
+        """Report that the fixture is not usable any more. From any thread; the first report counts.
 
         ``exit_status`` or ``signal_name`` say how a program ended, ``output`` holds its last lines.
         """
@@ -249,7 +249,8 @@ class FixtureManager(Declared, UsesFixtures):
     def provide_value(self, key: str, value: object) -> None:
         """Hand a declared value to the tests on this fixture, and to the fixtures that depend on it; for ``setup``.
 
-        A new generation has new ones. Raises FixtureValueError for one that is not declared, or of another type.
+        Each generation has values of its own. Raises FixtureValueError for a value that is not declared, or of another
+        type.
         """
         if key not in self.provides:
             known = ", ".join(self.provides) or "nothing"

@@ -1,7 +1,7 @@
-"""Load plug-ins in a process as that of a test: what they declare, whether values fit, which fixtures tests ask for.
+"""Loads plug-ins in a process like that of a test, to read what they declare, to check values, and to ask for fixtures.
 
-The process is given a limited time and then ended, with all that it started. A plug-in that crashes or hangs while it
-is loaded is a finding.
+The process has a limited time and is then ended, with all that it started. A plug-in that crashes or hangs while it is
+loaded is a finding.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ LOAD_LIMIT = 30.0
 
 
 class Trial(msgspec.Struct, frozen=True, kw_only=True):
-    """What a use came to: each value with its source, what does not fit, and the fixtures that the test asks for.
+    """The result of trying a use: each value with its source, the problems, and the fixtures that the test asks for.
 
-    ``no_answer`` says why the test did not tell which fixtures.
+    ``no_answer`` says why the test did not name its fixtures.
     """
 
     values: tuple[dict[str, str], ...] = ()
@@ -46,9 +46,9 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Inspection(msgspec.Struct, frozen=True, kw_only=True):
-    """What was found: the description, why there is none, and a trial of each use, in their order.
+    """The description of a plug-in, or why there is none, and a trial of each use, in their order.
 
-    Why a plug-in could not be loaded is also a problem of each of its trials.
+    The reason why a plug-in could not be loaded is also a problem of each of its trials.
     """
 
     spec: PluginSpec = UNKNOWN
@@ -57,10 +57,10 @@ class Inspection(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def inspect_plugins(wanted: Mapping[PluginRef, Sequence[Use]], *, ask: bool = False) -> dict[PluginRef, Inspection]:
-    """Load plug-ins, each once, try what would be given to them, and ``ask`` tests which fixtures they need.
+    """Load plug-ins, each once, try the values of their uses, and ``ask`` tests which fixtures they need.
 
-    All are loaded in one process, because what they import takes the time. When that ends meanwhile, each plug-in has a
-    process of its own, and if need be each use, so that one that crashes spoils no other's findings.
+    All are loaded in one process, because their imports take the time. If that process ends too early, each plug-in has
+    a process of its own, and if need be each use, so that one that crashes spoils no other's findings.
     """
     from rtf.testing.isolation.worker_pool import ForkServerClient
 
@@ -90,7 +90,7 @@ def _inspect(
 
 
 def _have_inspected(fork_server: ForkServerClient, wanted: Inspect) -> list[Inspection] | str:
-    """What a process of its own finds, or a sentence on why it found nothing."""
+    """Return what a process of its own finds, or a sentence on why it found nothing."""
     heard: list[bytes] = []
     child = fork_server.take()
     limit = clock.Deadline.after(LOAD_LIMIT)
@@ -122,12 +122,12 @@ def _how_it_ended(end: End | None) -> str:
 
 
 def inspect_plugin(ref: PluginRef, uses: Sequence[Use] = ()) -> Inspection:
-    """Load one plug-in, and try what would be given to it."""
+    """Load one plug-in, and try the values of its uses."""
     return inspect_plugins({ref: uses})[ref]
 
 
 def try_uses(uses: Iterable[tuple[PluginRef, Use]], *, ask: bool = False) -> dict[tuple[PluginRef, Use], Trial]:
-    """Try what would be given to plug-ins; each is loaded once, and each use tried once."""
+    """Try the values of plug-ins' uses; each plug-in is loaded once, and each use tried once."""
     wanted: dict[PluginRef, list[Use]] = {}
     for ref, use in dict.fromkeys(uses):
         wanted.setdefault(ref, []).append(use)
@@ -139,7 +139,7 @@ def try_uses(uses: Iterable[tuple[PluginRef, Use]], *, ask: bool = False) -> dic
 
 
 def serve(wanted: Inspect, channel: Channel) -> int:
-    """Look at what is wanted. Returns the exit status of the process. A copy that a plug-in forks says nothing."""
+    """Inspect what is wanted. Returns the exit status of the process. A copy that a plug-in forks sends nothing."""
     own = os.getpid()
     found = [_look(ref, uses, wanted.ask) for ref, uses in wanted.plugins]
     if os.getpid() == own:

@@ -1,9 +1,9 @@
 """The folder of a run and the journal in it: one event a line, appended only, from which everything can be rebuilt.
 
-The journal is complete at every instant: each event is in the kernel's hands before anybody else hears of it, so that
-not even ``kill -9`` of the runner loses one, and on the disk soon after each test's end. There is one writer. A reader
-tolerates a last line that was torn by a crash of the machine. :func:`as_one_run` reads a run that was killed or resumed
-as if it had been made in one go.
+The journal is complete at every instant: each event is with the kernel before any reporter gets it, so that not even
+``kill -9`` of the runner loses one, and on the disk soon after each test's end. There is one writer. A reader tolerates
+a last line that was torn by a crash of the machine. :func:`as_one_run` reads a run that was killed or resumed as if it
+had been made in one go.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class JournalError(TestingError, OSError):
 
 
 def make_run_folder(runs: Path, *words: str) -> Path:
-    """Make a new folder in ``runs``, named by now and these words, so that sorting by name is sorting by age.
+    """Make a new folder in ``runs``; its name has the time and then these words, so that names sort by age.
 
     Raises OSError.
     """
@@ -118,7 +118,7 @@ class Journal:
             _point_to(self.path.parent.with_name(LATEST), self.path.parent.name)
 
     def close(self) -> None:
-        """Put everything on the disk, and be done. Raises JournalError when the disk does not take it."""
+        """Put everything on the disk, and close the file. Raises JournalError when the disk does not take it."""
         if self._closing.is_set():
             return
         self._closing.set()
@@ -131,7 +131,7 @@ class Journal:
             os.close(self._descriptor)
 
     def close_quietly(self) -> None:
-        """Be done with a journal that cannot be written any more."""
+        """Close a journal that cannot be written any more."""
         with contextlib.suppress(OSError):
             self.close()
 
@@ -147,18 +147,18 @@ class Journal:
 
 
 def _claim(descriptor: int) -> None:
-    """Be the one writer until this process ends, however it ends: a run that is still going on is not resumed."""
+    """Lock the journal as its one writer until this process ends, so that a run that still goes on is not resumed."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
         os.close(descriptor)
         raise OSError(error.errno, "another runner is writing it") from None
     except OSError:
-        return  # a file system that knows no locks has to be trusted
+        return  # a file system without locks has to be trusted
 
 
 def _repair_torn_end(path: Path) -> None:
-    """Cut off a last line that has no end, so that what is appended begins on a line of its own."""
+    """Cut off a last line without an end, so that what is appended begins on a line of its own."""
     if path.stat().st_size:
         with path.open("rb+") as stream:
             with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as lines:
@@ -187,7 +187,7 @@ class JournalReader:
         self._line = 0
 
     def new_events(self) -> Iterator[Event]:
-        """Yield the events that were appended since the last time, in order."""
+        """Yield the events that were appended since the last call, in order."""
         try:
             stream = self.path.open("rb")
         except FileNotFoundError:
@@ -221,7 +221,7 @@ def read(path: Path) -> Iterator[Event]:
 
 
 class _Parts:
-    """The parts of a run that was resumed, counted from 0, and what a later one made void in those before it."""
+    """The parts of a run that was resumed, counted from 0, and what a later part made void in earlier ones."""
 
     def __init__(self) -> None:
         self.results = RunResult()
@@ -235,7 +235,7 @@ class _Parts:
         self._finished.append(self.results.finished())
 
     def take_out(self, ids: Iterable[str]) -> None:
-        """Make void what the parts before tell of suites and tests."""
+        """Make void what earlier parts report of suites and tests."""
         self._replaced |= dict.fromkeys(self.results.with_cases(ids), self.last)
 
     def is_void(self, event: Event, part: int) -> bool:
@@ -277,9 +277,9 @@ def results_of(path: Path) -> RunResult:
 
 
 def cases_told(runs: Path, programs: Collection[str]) -> dict[str, dict[str, str]]:
-    """Return the cases of programs, their names by their ids, as the last runs in this folder told them.
+    """Return the cases of programs, their names by their ids, as the last runs in this folder reported them.
 
-    A run that was limited to some cases of a program does not say which there are; one before it may.
+    A run that was limited to some cases of a program does not have all of them; one before it may.
     """
     told: dict[str, dict[str, str]] = {}
     missing = set(programs)
@@ -302,7 +302,7 @@ def cases_told(runs: Path, programs: Collection[str]) -> dict[str, dict[str, str
 
 def _one_part(events: Iterable[Event], parts: _Parts) -> Iterator[Event]:
     number = 0
-    planned: set[tuple[str, str]] = set()  # and suites that were started: a later part tells them again
+    planned: set[tuple[str, str]] = set()  # and suites that were started: a later part has them again
     for event in events:
         if isinstance(event, PlanChanged):
             continue

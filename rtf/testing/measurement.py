@@ -1,4 +1,4 @@
-"""A measured value with its unit and limits, and where it lies between them; and how sure a measured pass rate is.
+"""A measured value with its unit and limits, and its place between them; and the uncertainty of a measured pass rate.
 
 Units are a small closed set with exact symbols: robot tests need two dozen, and reports compare them as strings.
 """
@@ -53,7 +53,7 @@ class Unit(StrEnum):
 
 
 def unit(symbol: str | Unit) -> Unit:
-    """The unit with this exact symbol; a ValueError names the nearest ones and lists all."""
+    """Return the unit with this exact symbol; a ValueError names the nearest ones and lists all."""
     try:
         return Unit(symbol)
     except ValueError:
@@ -88,7 +88,7 @@ def require_limits(**limits: float | None) -> None:
 
 
 def margin_of(value: float, low: float | None, high: float | None) -> float | None:
-    """Distance from ``value`` to the nearest limit: positive inside, negative outside, None if unknown.
+    """Return the distance from ``value`` to the nearest limit: positive inside, negative outside, None if unknown.
 
     Raises ValueError for a limit that is not a number.
     """
@@ -104,7 +104,7 @@ def margin_of(value: float, low: float | None, high: float | None) -> float | No
 
 
 def _distance(lower: float, upper: float) -> float:
-    """How far it is from one to the other; the difference of two equal infinities would not be a number."""
+    """Return the distance between two limits; the difference of two equal infinities would not be a number."""
     return 0.0 if lower == upper else upper - lower
 
 
@@ -166,7 +166,7 @@ class Measurement:
         return f"{self.name} = {self.sentence}"
 
     def members(self) -> dict[str, Any]:
-        """The members of an event that speaks of it, as far as there are any."""
+        """Return the members of an event that describes the measurement, as far as they are known."""
         limits = {"low": self.low, "high": self.high, "margin": self.margin}
         given = {name: limit for name, limit in limits.items() if limit is not None}
         return {"value": self.value, "unit": str(self.unit), **given}

@@ -9,8 +9,8 @@ A declaration is a class attribute, and reading it from an object gives the valu
 
 Later layers win: defaults, the profile of the thing under test (:meth:`Declared.profile`), the file of ``--from``, the
 suite's ``param``, its ``<parameter>`` elements, ``--set``.
-Each value remembers which it came from. A key that nobody declared, a value of the wrong type, out of range or of the
-wrong length is an error that names the place; all of them are told in one go.
+Each value has its source. A key that is not declared, a value of the wrong type, out of range or of the wrong length
+is an error that names the place; all of them are reported in one go.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _CONTROL_KEYS = frozenset({"from", "context"})
 
 
 class ParameterError(TestingError, ValueError):
-    """Values that do not fit their declarations; the message lists every problem, a line each."""
+    """Values that do not fit their declarations; the message lists every problem, one per line."""
 
     def __init__(self, owner: str, problems: Sequence[str]) -> None:
         self.problems = tuple(problems)
@@ -204,7 +204,7 @@ def _symbol(symbol: str) -> str:
 
 
 class _Element(NamedTuple):
-    """A type of values: its name for people, and how to make one of what was written; None where that is another."""
+    """A type of values: its name for people, and a function that converts a written value; None if it does not fit."""
 
     noun: str
     convert: Callable[[Value], object | None]
@@ -236,7 +236,7 @@ def value_text(value: object) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Given:
-    """One value of one layer: the key as written, what followed it, and where; ``text`` where that stood alone."""
+    """One value of one layer: the key as written, what followed it, and its place; ``text`` if it stood alone."""
 
     key: str
     group: Bottle
@@ -296,7 +296,7 @@ class Declared:
         return rows
 
     def _loose_words(self, param: str, source: str, problems: list[str]) -> Iterator[Given]:
-        """What stands in ``param`` before its first key. Were it dropped, a default would move something else."""
+        """Yield what stands in ``param`` before its first key. If it were lost, a default would move something else."""
         words = loose_words(param)
         if words and self.words_key:
             group = parse_arguments([f"--{self.words_key}", *words]).find_group(self.words_key)
@@ -307,25 +307,25 @@ class Declared:
             problems.append(f"{text!r} belongs to no key ({source}); write --KEY VALUE, as in --{text.lstrip('-')}")
 
     def suite_value(self, key: str) -> str:
-        """What the environment string of the suite says of a key, such as ``robotname``; empty without it."""
+        """Return the value of a key, such as ``robotname``, in the suite's environment string; empty without it."""
         return as_string(self._suite_values.find(key)) if self._suite_values is not None else ""
 
     def profile(self, folder: str) -> Iterable[Given]:  # noqa: ARG002 - for overrides
-        """Return values that the thing under test has in place of the defaults; all other layers win over them.
+        """Return values of the thing under test that replace the defaults; all other layers win over them.
 
-        Called when the environment of the suite is known. ``folder`` is the suite's. An override may raise what says
-        why they cannot be read.
+        Called when the environment of the suite is known. ``folder`` is the suite's. An override may raise an error
+        that says why they cannot be read.
         """
         return ()
 
     def check_parameters(self, folder: str) -> None:
-        """Refuse values that cannot work together, before anything starts; called when all are filled.
+        """Check that the values work together, before anything starts; called when all are filled.
 
-        For authors: raise what says which parameter it is, and the hint. ``folder`` is the suite's.
+        For authors: raise an error that names the parameter, with a hint. ``folder`` is the suite's.
         """
 
     def parameter_source(self, key: str) -> str:
-        """Where a value came from, by the parameter's key: a place in a file, ``param`` of a place, or ``--set``."""
+        """Return the source of a value by the parameter's key: a place in a file, ``param`` of a place, ``--set``."""
         sources: dict[str, str] = self.__dict__.get("_parameter_sources", {})
         return sources.get(key, "default")
 
@@ -345,7 +345,7 @@ def _has(target: Declared, name: str) -> bool:
 
 
 def _roots(folder: str) -> list[str]:
-    """Where parameter files are looked for after YARP's own places: beside the suite, and with the shipped suites."""
+    """Return the folders of parameter files after YARP's own: beside the suite, and with the shipped suites."""
     return [*([folder] if folder else []), str(shipped_folder("suites"))]
 
 

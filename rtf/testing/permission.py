@@ -1,4 +1,4 @@
-"""What the command line says for one run to all of its tests and fixtures, which find it in their environment."""
+"""Options of the command line for all tests and fixtures of a run, which read them from their environment."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ _RUNNER = "RTF_RUNNER_PID"
 
 
 def give_permission(*, given: bool, wait: float = 0.0) -> None:
-    """Let the tests of this run move a robot, or not, and its fixtures wait so many seconds for one that is in use.
+    """Permit or forbid the tests of this run to move a robot, and set how long its fixtures wait for one in use.
 
-    What a shell has kept from an earlier run counts for nothing.
+    What a shell has kept from an earlier run is ignored.
     """
     os.environ[_RUNNER] = str(os.getpid())
     for name, value in ((_MOTION, "1" if given else ""), (_WAIT, repr(wait) if wait else "")):
@@ -22,15 +22,15 @@ def give_permission(*, given: bool, wait: float = 0.0) -> None:
 
 
 def has_permission() -> bool:
-    """Whether this test may move a real robot."""
+    """Return whether this test may move a real robot."""
     return os.environ.get(_MOTION) == "1"
 
 
 def seconds_to_wait() -> float:
-    """How long a fixture may wait for a robot that another run works with; infinite where there is no limit."""
+    """Return how long a fixture may wait for a robot in use by another run; infinite without a limit."""
     return float(os.environ.get(_WAIT, "0"))
 
 
 def runner_pid() -> int:
-    """The number of the process of the runner; without one, of this process."""
+    """Return the process number of the runner; without a runner, of this process."""
     return int(os.environ.get(_RUNNER, os.getpid()))

@@ -1,8 +1,8 @@
 """From suite files and plug-in names to a plan: which tests will run, in which order, with which plug-in files.
 
 A test or fixture whose plug-in cannot be found stays in the plan with the reason, so that no report can lose it.
-Plug-ins are described by their text; only one that hides there whether it has a matrix or several classes is loaded, in
-an isolated child.
+Plug-ins are described by their text; only a plug-in whose text does not tell whether it has a matrix or several classes
+is loaded, in an isolated child.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _KEY = re.compile(r"(?<!\S)--(\S+)")
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Suites, everything that is to be said about their files, and the ``variables`` that those ask for."""
+    """Suites, the diagnostics of their files, and the ``variables`` that these use."""
 
     suites: tuple[TestSuite, ...] = ()
     diagnostics: tuple[Diagnosed, ...] = ()
@@ -49,12 +49,12 @@ class Plan:
 
     @property
     def has_errors(self) -> bool:
-        """Whether something that was asked for is not in the plan, so that nothing of it is to be run."""
+        """Whether something that was asked for is not in the plan, so that nothing may be run."""
         return any(diagnosed.severity is Severity.ERROR for diagnosed in self.diagnostics)
 
 
 def load_files(files: Iterable[tuple[Path, bool]], variables: Mapping[str, str], *, lenient: bool = False) -> Plan:
-    """Load suite files; the flag of each says that it must be a suite (else a file that is none is passed over).
+    """Load suite files; each has a flag that it must be a suite (else another file is ignored).
 
     With ``lenient`` an unknown element or attribute is a warning.
     """
@@ -75,7 +75,7 @@ def load_files(files: Iterable[tuple[Path, bool]], variables: Mapping[str, str],
 
 
 def unused_variables(variables: Mapping[str, str], plan: Plan) -> Iterator[Diagnosed]:
-    """Say which of the variables that were given no suite asks for: a misspelt one would be silent otherwise."""
+    """Yield a warning for each given variable that no suite uses; a misspelt one would be silent otherwise."""
     for name in variables:
         if name not in plan.variables:
             near = nearest(name, plan.variables)
@@ -85,12 +85,12 @@ def unused_variables(variables: Mapping[str, str], plan: Plan) -> Iterator[Diagn
 
 
 def suite_files(folder: Path, *, recursive: bool) -> list[Path]:
-    """The XML files of a folder in sorted order. Raises SuiteError when it cannot be read."""
+    """Return the XML files of a folder in sorted order. Raises SuiteError when it cannot be read."""
     return _files(folder, "*.xml", recursive=recursive)
 
 
 def plugin_files(folder: Path, *, recursive: bool) -> list[Path]:
-    """The test plug-in files of a folder in sorted order. Raises SuiteError when it cannot be read."""
+    """Return the test plug-in files of a folder in sorted order. Raises SuiteError when it cannot be read."""
     found = [path for pattern in ("*.py", "*.lua") for path in _files(folder, pattern, recursive=recursive)]
     return sorted(path for path in found if not path.name.startswith(("_", ".")))
 
@@ -105,7 +105,7 @@ def _files(folder: Path, pattern: str, *, recursive: bool) -> list[Path]:
 def suite_of_plugins(
     name: str, plugins: Iterable[tuple[str, str | None]], *, param: str, environment: str
 ) -> TestSuite:
-    """A suite without a file, for plug-ins that were named on the command line (name, type)."""
+    """Return a suite without a file, of the plug-ins (name, type) on the command line."""
     suite_id = suite_id_of(name)
     ids = TestIds(suite_id)
     tests = tuple(
@@ -123,7 +123,7 @@ def suite_of_plugins(
 
 
 def fingerprint(suite: TestSuite, test: TestEntry) -> str:
-    """Return a digest of what the suite says of a test and how it runs; its place in the file does not matter."""
+    """Return a digest of a test's description in its suite; its place in the file does not matter."""
     fixtures = [replace(fixture, location=Location()) for fixture in suite.fixtures_of(test)]
     how = (test.environment, test.repetition, test.retries, test.requires, test.isolation, test.on_lost)
     what = (test.plugin, test.type, test.param, test.parameters, test.expected)
@@ -131,7 +131,7 @@ def fingerprint(suite: TestSuite, test: TestEntry) -> str:
 
 
 class Planner:
-    """Finds the plug-in of every test and fixture once, and joins what authors declared with what the suites say.
+    """Finds the plug-in of every test and fixture once, and joins the author's declarations with the suite's values.
 
     ``overrides`` are the parameters that the command line sets; a matrix does not vary them.
     """
@@ -142,17 +142,17 @@ class Planner:
         self._specs: dict[PluginRef, PluginSpec] = {}
 
     def plan(self, suites: Iterable[TestSuite]) -> tuple[TestSuite, ...]:
-        """The suites with the plug-in of each fixture and test, and a test for each class and combination of a matrix.
+        """Return the suites with all plug-ins, and a test for each class and each combination of a matrix.
 
-        Each test has the tags, requirements and description that its author gave. What is not found is in the plan
-        with all places that were tried.
+        Each test has the tags, requirements and description that its author gave. For a plug-in that is not found the
+        plan has all places that were tried.
         """
         suites = tuple(suites)
         self._describe({self._find("test", test) for suite in suites for test in suite.tests})
         return tuple(self._planned(suite) for suite in suites)
 
     def _describe(self, found: Iterable[PluginRef | str]) -> None:
-        """Have the description of each test's plug-in, and of each class where it is a file with several."""
+        """Describe each test's plug-in, and each class of a file with several."""
         refs = {ref for ref in found if not isinstance(ref, str)}
         while refs := {ref for ref in refs if ref not in self._specs}:
             specs = {ref: spec_of(ref) for ref in sorted(refs)}
@@ -182,7 +182,7 @@ class Planner:
         )
 
     def _with_fixtures(self, suite: TestSuite, entries: Iterable[FixtureEntry]) -> TestSuite:
-        """The suite with these fixtures, and the plug-in of each."""
+        """Return the suite with these fixtures, and the plug-in of each."""
         fixtures = []
         for entry in entries:
             found = self._find("fixture", entry)
@@ -191,7 +191,7 @@ class Planner:
         return replace(suite, fixtures=tuple(fixtures), written=tuple(fixtures))
 
     def _of_classes(self, entry: TestEntry) -> list[TestEntry]:
-        """The test, or one for each class where it names a file with several."""
+        """Return the test, or one for each class if it names a file with several."""
         found = self._find("test", entry)
         names = () if isinstance(found, str) else self._specs[found].classes
         return [
@@ -205,7 +205,7 @@ class Planner:
         ] or [entry]
 
     def _of_matrix(self, entry: TestEntry) -> list[TestEntry]:
-        """The test as its author describes it, once for each combination of its matrix."""
+        """Return the test with its author's description, once for each combination of its matrix."""
         found = self._find("test", entry)
         if isinstance(found, str):
             return [replace(entry, problem=found)]
@@ -233,7 +233,7 @@ class Planner:
         ]
 
     def _find(self, kind: str, entry: TestEntry | FixtureEntry) -> PluginRef | str:
-        """The plug-in of an entry, or why there is none."""
+        """Return the plug-in of an entry, or why there is none."""
         key = (kind, entry.plugin, entry.type, entry.location.file)
         found = self._found.get(key)
         if found is None:
@@ -248,11 +248,11 @@ class Planner:
     # Implied fixtures --------------------------------------------------------------------------------------------
 
     def with_implied_fixtures(self, suites: Iterable[TestSuite]) -> Plan:
-        """The suites with the fixtures that their tests ask for, where they name none themselves.
+        """Return the suites with the fixtures that their tests ask for, where the suites name none.
 
-        A test that may move a robot may leave it in a state that only a fixture, which outlives the test, can put
-        right. So each test whose description does not exclude that it moves is loaded in an isolated child and asked
-        for its :meth:`~rtf.testing.case.TestCase.implied_fixtures`. One that gives no answer is not run.
+        A test that may move a robot may leave it in a state that only a fixture, which outlives the test, can correct.
+        So each test whose description does not exclude that it moves is loaded in an isolated child and asked for its
+        :meth:`~rtf.testing.case.TestCase.implied_fixtures`. A test that gives no answer is not run.
         """
         suites = tuple(suites)
         asking = [
@@ -294,7 +294,7 @@ class Planner:
 
 
 def _implied(name: str, parameters: tuple[tuple[str, str], ...], others: int) -> FixtureEntry:
-    """The fixture of the suite for one request, where ``others`` are of the same plug-in."""
+    """Return the fixture of the suite for one request, where ``others`` are of the same plug-in."""
     shipped = shipped_folder("fixture") / f"{name}.py"  # and no file of that name beside the tests
     return FixtureEntry(
         name=f"{name}~{others + 1}" if others else name,
@@ -304,7 +304,7 @@ def _implied(name: str, parameters: tuple[tuple[str, str], ...], others: int) ->
 
 
 def _with_requirements(entry: TestEntry, made: Mapping[str, list[str]]) -> TestEntry:
-    """The test with the ids of those that were made of a test that it requires."""
+    """Return the test with the ids of those tests that were made of a required one."""
     if not entry.required_tests:
         return entry
     requires: list[str] = []

@@ -1,7 +1,7 @@
-"""What plug-ins say of themselves in the text of their files; nothing is run.
+"""The description of plug-ins from the text of their files; nothing is run.
 
 An attribute of a class is the value that its body sets, or else that of the classes it derives from, which are looked
-for in its file and in the library. What cannot be told for certain is unknown, and the planner then loads the plug-in.
+up in its file and in the library. What cannot be told for certain is unknown, and the planner then loads the plug-in.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class ClassText:
 
     @cached_property
     def is_of_python(self) -> bool:
-        """Whether it derives only from what comes with Python, such as NamedTuple, Enum or ValueError."""
+        """Return whether it derives only from Python's own classes, such as NamedTuple, Enum or ValueError."""
         return all(_comes_with_python(one) if isinstance(one, str) else one.is_of_python for one in self.own_bases)
 
     @cached_property
@@ -71,7 +71,7 @@ class ClassText:
 
     @cached_property
     def parameters(self) -> tuple[ParameterSpec, ...]:
-        """The parameters that the class and those it derives from declare, as far as the planner needs them."""
+        """Return the parameters that the class and its bases declare, as far as the planner needs them."""
         own = [parameter for statement in self._node.body for parameter in _declared_by(statement)]
         return (*(parameter for base in self._bases for parameter in base.parameters), *own)
 
@@ -81,12 +81,12 @@ class ClassText:
 
     @cached_property
     def _is_plain(self) -> bool:
-        """Whether the body sets attributes by nothing but assignments and definitions."""
+        """Return whether the body sets attributes by nothing but assignments and definitions."""
         return all(isinstance(statement, _PLAIN) for statement in self._node.body)
 
     @cached_property
     def _settings(self) -> dict[str, object]:
-        """The value that the body gives to each attribute."""
+        """Return the value that the body gives to each attribute."""
         found: dict[str, object] = {}
         for statement in self._node.body:
             value: object = UNCERTAIN
@@ -151,7 +151,7 @@ class Source:
         return [one for one in found if len(found) == 1 or one.is_plugin is not False]
 
     def _look_up(self, base: ast.expr) -> ClassText | str:
-        """The class of this file that a base is, or its name with its module; empty if that is unclear."""
+        """Return the class of this file that a base is, or its name with its module; empty if that is unclear."""
         first, _, rest = _dotted(base).partition(".")
         before = [] if rest else [one for one in self.classes if one.name == first]
         if before:
@@ -167,7 +167,7 @@ _read: dict[tuple[str, int], Source] = {}
 
 
 def source_of(path: Path) -> Source:
-    """The file at a path; one that cannot be read declares nothing, which is said where the file is named."""
+    """Return the file at a path; one that cannot be read declares nothing, which is reported where the file is used."""
     key = (str(path), path.stat().st_mtime_ns)
     if key not in _read:
         try:
@@ -179,23 +179,23 @@ def source_of(path: Path) -> Source:
 
 
 def declared_names(path: Path) -> dict[str, str]:
-    """The names that a Python file declares for plug-ins, and the class of each."""
+    """Return the names that a Python file declares for plug-ins, and the class of each."""
     return {name: one.name for name, one in source_of(path).declared.items()}
 
 
 def specs_in(path: Path) -> list[PluginSpec]:
-    """The description of each plug-in of a Python file, in the order of writing."""
+    """Return the description of each plug-in of a Python file, in the order of writing."""
     return [one.spec() for one in source_of(path).plugins]
 
 
 def bare_name(name: str) -> str:
-    """The name without folder and without a shared library's ending."""
+    """Return the name without folder and without a shared library's ending."""
     stem = Path(name).name
     return stem[: -len(Path(stem).suffix)] if Path(stem).suffix.lower() in {".so", ".dll", ".py"} else stem
 
 
 def spec_of(ref: PluginRef) -> PluginSpec:
-    """The description of a plug-in as far as its file's text tells."""
+    """Return the description of a plug-in as far as its file's text has it."""
     unknown = PluginSpec(safety=None, occupies=None, complete=False)
     if ref.language == "entry point":
         return unknown
@@ -227,7 +227,7 @@ def _bound(name: ast.alias) -> str:
 
 
 def _literal(node: ast.expr) -> object:
-    """A plain value, the name of a member of an enumeration, such as Safety.MOTION, or a matrix of plain values."""
+    """Return a plain value, the name of an enumeration's member, such as Safety.MOTION, or a matrix of plain values."""
     called = _dotted(node.func).rpartition(".")[2] if isinstance(node, ast.Call) else ""
     if called == "Parameter":
         return None  # a parameter of that name, which is no fact
@@ -257,7 +257,7 @@ def _comes_with_python(name: str) -> bool:
 
 @cache
 def _class_named(name: str) -> ClassText:
-    """The class of a name with its module, from whichever module of the library it is imported."""
+    """Return the class of a name with its module, from whichever module of the library it is imported."""
     if name in _ROOTS:
         return _ROOT
     if _comes_with_python(name):

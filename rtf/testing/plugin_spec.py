@@ -1,8 +1,8 @@
-"""The description of a plug-in that listing, describing, validating, planning and sharing have in common.
+"""The description of a plug-in, which listing, describing, validating, planning and sharing use.
 
 It has two sources: the text of the file, which is read without running it (:mod:`rtf.testing.plugin_source`), and the
-loaded class, in an isolated child (:mod:`rtf.testing.inspection`), which alone knows the parameters. The matrix is
-here, too: it says how many tests a class is.
+loaded class, in an isolated child (:mod:`rtf.testing.inspection`), which alone has the parameters. The matrix is here,
+too: it determines how many tests a class is.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _HARMLESS = ("", "still")
 
 
 class Axis(msgspec.Struct, frozen=True):
-    """A parameter that a matrix varies: of each value the label, which names and ids show, and the text."""
+    """A parameter that a matrix varies: the label of each value, which names and ids show, and its text."""
 
     name: str
     labels: tuple[str, ...]
@@ -90,14 +90,14 @@ class ParameterSpec(msgspec.Struct, frozen=True, kw_only=True):
 
     @classmethod
     def declared(cls, attribute: str, key: str, aliases: Iterable[str], **words: Any) -> ParameterSpec:  # the rest
-        """The description of what an attribute of a class declares."""
+        """Return the description of a parameter that an attribute of a class declares."""
         return cls(name=key or attribute, names=frozenset({attribute, key or attribute, *aliases}), **words)
 
 
 class PluginSpec(msgspec.Struct, frozen=True, kw_only=True):
-    """What a plug-in says of itself.
+    """What is known of a plug-in.
 
-    ``safety`` is a word in small letters, empty where the plug-in declares none, and None where the text does not tell;
+    ``safety`` is a word in small letters, empty if the plug-in declares none, and None if the text does not tell;
     ``occupies`` is None likewise. It is ``complete`` unless the text leaves open what the planner has to know. A file
     with several test classes, of which none is named, has them in ``classes`` and nothing else.
     """
@@ -127,7 +127,7 @@ class PluginSpec(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def may_move(self) -> bool:
-        """Whether a test may move something; what cannot be told is taken for the worst."""
+        """Whether a test may move something; an unknown safety class counts as moving."""
         return may_move(self.safety)
 
 
@@ -136,7 +136,7 @@ UNKNOWN = PluginSpec(safety=None)
 
 
 def combinations(spec: PluginSpec, given: Collection[str]) -> Iterator[tuple[str, tuple[tuple[str, str], ...]]]:
-    """Each combination of a matrix in the parameters that are not ``given``: its label and its parameters."""
+    """Yield each combination of a matrix in the parameters that are not ``given``: its label and its parameters."""
     names = {name: one.names for one in spec.parameters for name in one.names}
     varied = [axis for axis in spec.matrix if names.get(axis.name, frozenset({axis.name})).isdisjoint(given)]
     for chosen in product(*(zip(axis.labels, axis.texts, strict=True) for axis in varied)):
@@ -149,14 +149,14 @@ def may_move(safety: object) -> bool:
     return _word_of(safety) not in _HARMLESS
 
 
-#: What nobody sets, and what has to be computed.
+#: The value of an attribute that is not set, and of one that has to be computed.
 ABSENT, UNCERTAIN = object(), object()
 
 
 def make_spec(
     class_name: str, description: str, get: Callable[[str], object], parameters: Iterable[ParameterSpec]
 ) -> PluginSpec:
-    """The description of a class; ``get`` tells the value of an attribute, or ABSENT, or UNCERTAIN."""
+    """Return the description of a class; ``get`` returns the value of an attribute, or ABSENT, or UNCERTAIN."""
     safety, matrix, occupies, timeout = get("safety"), get("matrix"), get("occupies"), get("timeout")
     tags, requires = get("tags"), get("requires")
     return PluginSpec(
@@ -176,7 +176,7 @@ def make_spec(
 
 
 def spec_of_class(cls: type[Declared]) -> PluginSpec:
-    """The description of a class that was loaded."""
+    """Return the description of a class that was loaded."""
     return make_spec(
         cls.__name__,
         (cls.__doc__ or "").strip(),
@@ -199,12 +199,12 @@ def spec_of_class(cls: type[Declared]) -> PluginSpec:
 
 
 def as_strings(value: object) -> tuple[str, ...]:
-    """One string or several, whatever an author has written."""
+    """Return one string or several as a tuple."""
     if isinstance(value, str):
         return (value,) if value else ()
     return tuple(str(item) for item in value) if isinstance(value, tuple | list) else ()
 
 
 def _word_of(safety: object) -> str:
-    """The word for a class of safety: a text, or a member of an enumeration."""
+    """Return the word for a safety class: a text, or a member of an enumeration."""
     return str(getattr(safety, "name", safety)).lower()

@@ -78,7 +78,7 @@ class PluginError(TestingError, ImportError):
 
 
 class PluginNotFoundError(PluginError):
-    """No file answers to a name; ``tried`` lists every place in order."""
+    """No file has a name; ``tried`` lists every place in order."""
 
     def __init__(self, text: str, tried: Iterable[str] = ()) -> None:
         super().__init__(text)
@@ -108,7 +108,7 @@ def shipped_folder(kind: str) -> Path:
 
 
 def search_path(kind: str, beside: Path | None, environ: Mapping[str, str] | None = None) -> Iterator[Path]:
-    """The folders in which a plug-in is looked for, in order."""
+    """Yield the folders in which a plug-in is looked for, in order."""
     environ = os.environ if environ is None else environ
     if beside is not None:
         yield beside
@@ -169,7 +169,7 @@ def _language(type_: str | None, name: str) -> str | None:
 
 
 def _look(kind: str, name: str, language: str | None, beside: Path | None) -> Iterator[tuple[str, PluginRef | None]]:
-    """Each place in which a plug-in may be, in order, and what is found there."""
+    """Yield each place in which a plug-in may be, in order, and what is found there."""
     for folder in dict.fromkeys(folder.absolute() for folder in search_path(kind, beside)):
         for candidate in _candidates(folder, name, language):
             yield _file(kind, name, language, candidate)
@@ -196,7 +196,7 @@ def _look(kind: str, name: str, language: str | None, beside: Path | None) -> It
 
 
 def _file(kind: str, name: str, language: str | None, path: Path) -> tuple[str, PluginRef | None]:
-    """A file as a plug-in, if it is there and of a kind that can be one."""
+    """Return a file as a plug-in, if it exists and its kind can be one."""
     if not path.is_file():
         return str(path), None
     language = language or _SUFFIXES.get(path.suffix.lower()) or ("executable" if os.access(path, os.X_OK) else None)
@@ -217,7 +217,7 @@ def _candidates(folder: Path, name: str, language: str | None) -> Iterator[Path]
 
 
 def installed(kind: str) -> dict[str, EntryPoint]:
-    """What installed packages offer of one kind, by name."""
+    """Return the plug-ins of one kind in installed packages, by name."""
     from importlib.metadata import entry_points
 
     return {point.name: point for point in entry_points(group=GROUPS[kind])}
@@ -280,14 +280,14 @@ _shared: dict[str, ModuleType] = {}
 
 
 def share_module(ref: PluginRef) -> None:
-    """Keep the module of a plug-in that is loaded: it is not loaded again, neither here nor in forks."""
+    """Keep the module of a loaded plug-in, so that it is not loaded again, neither here nor in forks."""
     module = sys.modules.get(module_name(ref))
     if module is not None:
         _shared[ref.path] = module
 
 
 def _make_importable(kind: str, folder: str) -> None:
-    """Have modules of plug-ins imported by name in this process and in those that it starts, as pickle does.
+    """Make modules of plug-ins importable by name in this process and in those that it starts, as pickle needs.
 
     The package for it lies in a folder that ``multiprocessing`` hands on with ``sys.path``; it reads the variable.
     """
@@ -302,7 +302,7 @@ def _make_importable(kind: str, folder: str) -> None:
 
 
 def load_test(ref: PluginRef) -> TestCase:
-    """Make the test that a reference stands for; raises PluginError, or what the plug-in itself raises."""
+    """Make the test of a reference; raises PluginError, or what the plug-in itself raises."""
     return test_maker(ref)()
 
 
@@ -366,7 +366,7 @@ class SeveralClassesError(PluginError):
 
 
 def choose_class(ref: PluginRef, module: ModuleType, base: type[P]) -> type[P]:
-    """The class of a plug-in module: the one named, else the only one that is written in it."""
+    """Return the class of a plug-in module: the one named, else the only one that is written in it."""
     own = [
         value
         for value in vars(module).values()

@@ -1,7 +1,7 @@
 """Files that a test keeps beside the journal: attachments, and series of numbers, given whole or row by row.
 
-A series that grows while its test runs is kept whole for the report, and thinned out for those who watch: their preview
-is in the journal, a few points a batch. It is also all that there is of the series when the test's process is killed.
+A series that grows while its test runs is kept whole for the report, and the journal has a preview of a few points at a
+time for the live page. When the test's process is killed, only the preview is left.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _UNSAFE = re.compile(r"[^A-Za-z0-9._-]+")
 
 
 def free_path(session: Session, stem: str, suffix: str) -> Path:
-    """A path in the test's folder, which is made, that nothing has yet; whatever the name is, it stays in there."""
+    """Return an unused path in the test's folder, which is made; the name cannot lead out of the folder."""
     folder = session.folder
     folder.mkdir(parents=True, exist_ok=True)
     stem = _UNSAFE.sub("_", stem).strip("._") or "file"
@@ -62,7 +62,7 @@ def attach(session: Session, source: str | Path | bytes, name: str = "", media_t
 
 
 def emit_attached(session: Session, path: Path, name: str, media_type: str = "") -> None:
-    """Say that there is a file, somewhere in the run's folder."""
+    """Emit the event of a file that is already in the run's folder."""
     import mimetypes
 
     session.emit(

@@ -1,10 +1,10 @@
 """The thread that calls reporters, and the limits of its calls.
 
-Events and calls that somebody waits for stand in a queue, so the run does not wait for a reporter unless a thousand
-events are waiting. A call that takes longer than its limit is left behind, together with its thread: its reporter is
-called no more, and a new thread goes on with the others. Reports that are files are brought up to date while the run
-goes on: when the first suite starts, when the first test ends, then at most once a second, and less often when that
-would take more of the time than :data:`SHARE`.
+Events and awaited calls are in a queue, so the run does not wait for a reporter unless a thousand events are waiting. A
+call that takes longer than its limit is abandoned, together with its thread: its reporter is called no more, and a new
+thread goes on with the others. Reports that are files are updated while the run goes on: when the first suite starts,
+when the first test ends, then at most once a second, and less often when that would take more of the time than
+:data:`SHARE`.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _WATCH = 1.0
 
 @dataclass(slots=True, eq=False)
 class _Member:
-    """A reporter: whether it is called no more, when its report may be updated, and as of which event that is."""
+    """A reporter: whether it is called no more, when its report may be updated, and up to which event it is written."""
 
     reporter: Reporter
     left_out: bool = False
@@ -56,7 +56,7 @@ class _Member:
 
 @dataclass(slots=True, eq=False)
 class Call:
-    """A call of a reporter, or of none. ``done`` is set when it is over or left behind, if somebody waits for it."""
+    """A call of a reporter, or of none. ``done`` is set when it is over or abandoned, if a thread waits for it."""
 
     member: _Member | None
     what: str
@@ -69,9 +69,9 @@ class Call:
 
 
 class ReporterThread:
-    """Calls reporters, one after the other. ``broke`` is called with one that broke or hangs, and with the error.
+    """Calls reporters, one after the other. ``broke`` is called with a reporter that broke or hangs, and the error.
 
-    Reports are brought up to date when the first suite has started, if the run is ``live``.
+    Reports are updated when the first suite has started, if the run is ``live``.
     """
 
     def __init__(self, reporters: Iterable[Reporter], broke: Callable[[Reporter, BaseException], None]) -> None:
@@ -86,13 +86,13 @@ class ReporterThread:
         self._none_ended = True
         self._call: Call | None = None  # in progress
         self._most = clock.FOREVER  # no call may take longer, whatever its own limit
-        self._lock = threading.Lock()  # who ends a call: the thread that made it, or one that leaves it behind
-        self._awaited = threading.Event()  # somebody waits for the reporters
+        self._lock = threading.Lock()  # taken to end a call: by the thread that made it, or by one that abandons it
+        self._awaited = threading.Event()  # a thread waits for the reporters
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
 
     def put(self, item: Event | Call | None) -> None:
-        """Have the reporters hear of an event, or make a call, when all before is done; None ends the thread."""
+        """Queue an event or a call for the reporters; None ends the thread."""
         if self._thread is None:
             threading.Thread(target=self._watch, name="rtf-reports-watch", daemon=True).start()
             self._start()
@@ -104,7 +104,7 @@ class ReporterThread:
             self._over.wait(_LOOK / 10)
 
     def wait_for(self, call: Call, most: Callable[[], float] = lambda: clock.FOREVER) -> None:
-        """Have a call made, and wait until it is over. ``most`` says how long any call may take, if less than usual."""
+        """Make a call, and wait until it is over. ``most`` limits the time of any call, if it is less than usual."""
         done = call.done = threading.Event()
         self._most = clock.FOREVER
         self.put(call)
@@ -118,12 +118,12 @@ class ReporterThread:
             self._leave_what_hangs()
 
     def flush(self, asked: Callable[[], int]) -> None:
-        """Wait until the reporters have heard of everything so far. ``asked`` counts the requests to stop."""
+        """Wait until the reporters have all events so far. ``asked`` counts the requests to stop."""
         if self._thread is not None:
             self.wait_for(Call(None, "flush", lambda: None), _most_when(asked))
 
     def close(self, asked: Callable[[], int]) -> None:
-        """Let every reporter finish, the first one last: it can still tell of another one that breaks."""
+        """Close every reporter, the first one last, so that it can still report another one that breaks."""
         most = _most_when(asked)
         self.flush(asked)
         self._updating = False
@@ -186,13 +186,13 @@ class ReporterThread:
                 problem = error
             with self._lock:
                 if self._call is not call:
-                    raise SystemExit  # left behind: another thread has gone on
+                    raise SystemExit  # abandoned: another thread has gone on
                 self._call = None
         call.answer, call.error = answer, problem
         self._finish(call)
 
     def _take_next(self) -> None:
-        """Find out what is to be called next; waits until there is something."""
+        """Wait for an event, a call or an update that is due, and queue the calls that it needs."""
         wait = self._look_for_updates()
         if self._calls:
             return
@@ -246,7 +246,7 @@ def _cpu_time() -> float:
 
 
 def _most_when(asked: Callable[[], int]) -> Callable[[], float]:
-    """Tell how long any call may take while a run waits for its reporters, by how often it was asked to stop."""
+    """Return a function for the longest time of a call while a run waits for its reporters, by its requests to stop."""
     before = asked()
     return lambda: HURRIED_LIMIT if asked() > before else STOPPING_LIMIT if before else clock.FOREVER
 

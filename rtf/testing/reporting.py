@@ -1,7 +1,7 @@
-"""Reporters, and the one order in which all hear of everything.
+"""Reporters, and the one order in which all of them get the events.
 
-A reporter is a plug-in that listens to a run's events and shows them or writes them down. It has no privilege: what it
-hears live it can hear again from the journal. A reporter that breaks is told of and left out; the run goes on.
+A reporter is a plug-in that receives a run's events and shows them or writes them down. It has no privilege: the
+journal has all that it receives live. A reporter that breaks is reported and left out; the run goes on.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ReportOptions:
-    """What a reporter is given: where its file goes, where the run's folder is, how much it is to say.
+    """The options of a reporter: the target of its file, the run's folder, its verbosity.
 
     ``verbosity`` is -1 for quiet, 0, 1 or 2. ``extra`` holds options of the reporter's own, by name. ``control`` is the
-    way to stop the run and to answer its questions; a run that is over has none. ``unwritten`` is one for all reporters
-    of a run: the files that are not as they should be, each with the reason.
+    way to stop the run and to answer its questions; a run that is over has none. All reporters of a run share
+    ``unwritten``: the files that are incomplete, each with the reason.
     """
 
     target: Path | None
@@ -49,8 +49,8 @@ class Reporter:
     """Base of reporter plug-ins. All reporters of a run are called one after the other, in the run's one order.
 
     ``plugin_name`` is the name on the command line; ``default_file`` the name of its file inside the run's folder, or
-    empty for a reporter that writes none. A call that takes longer than ``patience`` seconds (``patience_of_close``
-    for the calls at the end) is left behind: the reporter is named and hears nothing more, and the exit code is 3.
+    empty for a reporter that writes none. A call that takes longer than ``patience`` seconds (``patience_of_close`` for
+    the calls at the end) is abandoned: the reporter is named and gets no more events, and the exit code is 3.
     """
 
     plugin_name: ClassVar[str] = ""
@@ -59,20 +59,20 @@ class Reporter:
     patience: ClassVar[float] = CALL_LIMIT
     patience_of_close: ClassVar[float] = CLOSE_LIMIT
 
-    #: Whether :meth:`linger` stays until somebody asks it to end.
+    #: Whether :meth:`linger` stays until it is asked to end.
     stays = False
 
     def __init__(self, options: ReportOptions) -> None:
         self.options = options
 
     def open(self) -> None:
-        """Get ready; called before the run. Raises when the report could never be written, so that nothing is lost."""
+        """Prepare; called before the run. Raises when the report could never be written, so that nothing is lost."""
 
     def handle(self, event: Event, results: RunResult) -> None:
-        """Take one event; ``results`` has it in already. Must be quick: the run waits."""
+        """Take one event, which ``results`` includes already. Must be quick: the run waits."""
 
     def update(self, results: RunResult) -> None:
-        """Make the report complete as far as the run has come; called about once a second while something happens."""
+        """Complete the report as far as the run has come; called about once a second while something happens."""
 
     def close(self, results: RunResult) -> None:
         """Write what is still to be written; called on every exit path."""
@@ -96,7 +96,7 @@ def load_reporter(name: str) -> type[Reporter]:
     return plugins.load_class(plugins.find("report", name), Reporter)
 
 
-#: What is full, and how that is mended, by the number of the operating system's error.
+#: What is full, and the hint, by the number of the operating system's error.
 _NO_ROOM = {
     errno.ENOSPC: "free some space, then write the reports with: testrunner report",
     errno.EDQUOT: "free some space, then write the reports with: testrunner report",
@@ -143,15 +143,15 @@ class Broadcast:
                 self._pass_on(event)
 
     def resume(self, path: Path, void: Collection[str] = ()) -> None:
-        """Pass on what a run has come to that is resumed now, and go on counting where its journal stops.
+        """Pass on the earlier events of a run that is resumed, and go on counting where its journal stops.
 
-        The suites and tests in ``void`` are no part of it any more.
+        The suites and tests in ``void`` are no part of the run any more.
         """
         self.replay(journal.as_one_run(path, resuming=True, void=void))
         self._seq = max((event.seq for event in journal.read(path)), default=0)
 
     def emit(self, event: Event) -> None:
-        """Take one event. First it is written down: what a report shows is in the journal already."""
+        """Take one event. It is written down first, so that the journal has whatever a report shows."""
         self._thread.wait_for_room()
         with self._lock:
             self._thread.live = True
@@ -165,15 +165,15 @@ class Broadcast:
             self.emit(problem)
 
     def flush(self, asked: Callable[[], int] = lambda: 0) -> None:
-        """Wait until the reporters have heard of everything. ``asked`` counts how often the run was asked to stop."""
+        """Wait until the reporters have all events. ``asked`` counts how often the run was asked to stop."""
         self._thread.flush(asked)
 
     def close_reporters(self, asked: Callable[[], int] = lambda: 0) -> None:
-        """Let every reporter finish, once; what takes longer than its limit is left behind."""
+        """Close every reporter, once; a call that takes longer than its limit is abandoned."""
         self._thread.close(asked)
 
     def close(self) -> None:
-        """Let every reporter finish, and close the journal."""
+        """Close every reporter and the journal."""
         self.close_reporters()
         with self._lock:
             written, self._journal = self._journal, None
@@ -205,7 +205,7 @@ class Broadcast:
         return None
 
     def _drop(self, reporter: Reporter, error: BaseException) -> None:
-        """Say once why a report is not written. What is said of one full disk is not said again for each file on it."""
+        """Report once why a report is not written. One full disk is not reported again for each file on it."""
         name = type(reporter).plugin_name or type(reporter).__name__
         self.broken.append(reporter)
         if reporter.options.target is not None:

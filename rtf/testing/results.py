@@ -35,19 +35,19 @@ from rtf.testing.verdict import ExitCode, FixtureState, Phase, Severity, Verdict
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping
 
-#: A test that fails more often than this has said what it has to say; the journal has the rest.
+#: So many failures of a test are kept; the journal has the rest.
 _KEPT_MESSAGES = 50
-#: A test that ended like this has said nothing yet, and runs again when the run is resumed.
+#: A test with one of these verdicts has no result yet, and runs again when the run is resumed.
 _OPEN = frozenset({None, Verdict.NOT_RUN, Verdict.INTERRUPTED, Verdict.BLOCKED})
 _PROBLEMS = (Severity.FAILURE, Severity.ERROR)
 _OF_TESTS = frozenset({Message, TestStarted, TestEnded, TestRenamed})
-#: What comes often and changes no result.
+#: Events that are frequent and change no result.
 _PASSED_OVER = frozenset({Measured, PhaseStarted, OutputCaptured, Progressed, SeriesSampled})
 
 
 @dataclass(slots=True)
 class TestResult:
-    """What is known of one test. Only what every report needs is kept, so that ten thousand tests stay small."""
+    """The results of one test. Only what every report needs is kept, so that ten thousand tests stay small."""
 
     __test__ = False
 
@@ -69,12 +69,12 @@ class TestResult:
 
     @property
     def label(self) -> str:
-        """The part of the id behind the suite's."""
+        """The part of the id after the suite's."""
         return self.planned.test.removeprefix(f"{self.planned.suite}/")
 
     @property
     def good(self) -> bool:
-        """Whether it has ended well; a program only together with its cases."""
+        """Whether the test has ended well; a program only together with its cases."""
         return self.verdict is not None and self.verdict.good and all(case.good for case in self.cases)
 
     @property
@@ -88,7 +88,7 @@ class TestResult:
         return sum(attempt.duration for attempt in self.attempts)
 
     def apply(self, event: Event) -> None:
-        """Take in an event of this test."""
+        """Add an event of this test."""
         match event:
             case Message():
                 if event.severity in _PROBLEMS:
@@ -110,7 +110,7 @@ class TestResult:
 
 @dataclass(slots=True)
 class SuiteResult:
-    """What is known of one suite, its fixtures' incidents included."""
+    """The results of one suite, its fixtures' incidents included."""
 
     planned: SuitePlanned
     tests: dict[str, TestResult] = field(default_factory=dict)
@@ -135,7 +135,7 @@ class SuiteResult:
         return Counter(test.verdict or Verdict.NOT_RUN for test in self.tests.values())
 
     def apply(self, event: Event) -> None:
-        """Take in an event of this suite."""
+        """Add an event of this suite."""
         match event:
             case SuitePlanned():  # a resumed run says its plan again
                 self.planned, self.ended = event, None
@@ -156,7 +156,7 @@ class SuiteResult:
 
 @dataclass(slots=True)
 class RunResult:
-    """What is known of the run so far."""
+    """The results of the run so far."""
 
     started: RunStarted | None = None
     ended: RunEnded | None = None
@@ -168,14 +168,14 @@ class RunResult:
 
     @classmethod
     def of(cls, events: Iterable[Event]) -> Self:
-        """The results of these events."""
+        """Return the results of these events."""
         made = cls()
         for event in events:
             made.apply(event)
         return made
 
     def apply(self, event: Event) -> None:
-        """Take one more event in. Events of tests that were never planned are passed over."""
+        """Add one event. Events of tests that were never planned are ignored."""
         if type(event) in _OF_TESTS and event.test:  # type: ignore[attr-defined]  # these have a test
             test = self.tests.get(event.test)  # type: ignore[attr-defined]
             if test is not None:
@@ -192,7 +192,7 @@ class RunResult:
             case RunStarted():
                 self.started, self.ended, self.interrupted = event, None, None
                 self.internal_errors.clear()
-                for test in self.tests.values():  # what the part before was killed in
+                for test in self.tests.values():  # the test during which the earlier part was killed
                     test.running = False
             case PlanChanged():
                 self._drop((*event.removed, *event.changed))
@@ -221,7 +221,7 @@ class RunResult:
             suite.tests[event.test] = result
 
     def _drop(self, ids: Iterable[str]) -> None:
-        """Take out these suites, tests and their cases, which are no part of the run any more, or other ones now."""
+        """Remove these suites, tests and their cases, which the run does not have any more, or which have changed."""
         for gone in self.with_cases(ids):
             self.suites.pop(gone, None)
             suite = self.suite_of(gone)
@@ -230,7 +230,7 @@ class RunResult:
             self.tests.pop(gone, None)
 
     def with_cases(self, ids: Iterable[str]) -> list[str]:
-        """These suites and tests, and the cases of those that are programs."""
+        """Return these suites and tests, and the cases of those that are programs."""
         named = [*ids]
         return [*named, *(case.id for test in named if test in self.tests for case in self.tests[test].cases)]
 
@@ -239,12 +239,12 @@ class RunResult:
         return Counter(test.verdict or Verdict.NOT_RUN for test in self.tests.values())
 
     def suite_of(self, test: str) -> SuiteResult | None:
-        """The suite that a test belongs to."""
+        """Return the suite of a test, or None."""
         result = self.tests.get(test)
         return None if result is None else self.suites.get(result.planned.suite)
 
     def exit_code(self, *, allow_empty: bool = False) -> ExitCode:
-        """The one number that a shell or a CI server reads."""
+        """Return the exit code of the run."""
         counts = self.counts()
         suites = self.suites.values()
         if self.internal_errors:
@@ -261,28 +261,28 @@ class RunResult:
         return ExitCode.PASSED if ran or allow_empty else ExitCode.NOTHING_RAN
 
     def verdict(self, *, allow_empty: bool = False) -> Verdict:
-        """The run in one word."""
+        """Return the verdict of the run."""
         return _RUN_VERDICTS[self.exit_code(allow_empty=allow_empty)]
 
     # For a run that is resumed -----------------------------------------------------------------------------------
 
     @property
     def plan_is_whole(self) -> bool:
-        """Whether the run came so far that all its tests are known: they are planned before the first suite starts."""
+        """Whether all tests of the run are known: they are planned before the first suite starts."""
         return any(suite.started is not None for suite in self.suites.values())
 
     def finished(self) -> frozenset[str]:
-        """The tests whose verdict stands. That of a case stands with its program's."""
+        """Return the tests whose verdict is final. That of a case is final with its program's."""
         stands = {test.id for test in self.tests.values() if test.verdict not in _OPEN}
         cases = {test.id: test.planned.parent for test in self.tests.values() if test.planned.parent}
         return frozenset(test for test in stands if cases.get(test, test) in stands)
 
     def programs(self) -> frozenset[str]:
-        """The planned tests, without the cases that programs have told."""
+        """Return the planned tests, without the cases that programs have reported."""
         return frozenset(test.id for test in self.tests.values() if not test.planned.parent)
 
     def limited(self) -> dict[str, dict[str, str]]:
-        """Of each program that was to run some cases only: the names of these by their ids."""
+        """Return, for each program that was to run some cases only, the names of these by their ids."""
         tests = self.tests
         return {
             test.id: {case: tests[case].planned.case if case in tests else "" for case in test.planned.cases}
@@ -291,7 +291,7 @@ class RunResult:
         }
 
     def plan_changes(self, suites: Collection[str], fingerprints: Mapping[str, str]) -> PlanChanged | None:
-        """How the plan differs from what suites and tests there are now; None where it does not."""
+        """Return how the plan differs from the present suites and tests; None if it does not."""
         planned = {test.id: test.planned.fingerprint for test in self.tests.values() if not test.planned.parent}
         added = [test for test in fingerprints if test not in planned and self.plan_is_whole]
         removed = [*planned.keys() - fingerprints.keys(), *self.suites.keys() - set(suites)]

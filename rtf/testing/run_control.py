@@ -1,7 +1,7 @@
-"""The control of a run: everything by which people and signals stop it, and by which its tests' questions are answered.
+"""The control of a run: people and signals stop it, and people answer the questions of its tests.
 
-The console, the web page and any reporter that shows buttons use it; a reporter finds it in its options. All of it may
-be used from any thread, and before the run has begun. What was accepted becomes an event, like everything else.
+The console, the live page and any reporter that shows buttons use it; a reporter has it in its options. All of it may
+be used from any thread, and before the run has begun. Each accepted request becomes an event, like everything else.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     Reply = Callable[[str | None, str], None]
     Key = tuple[str, str]
 
-#: The stage at which the running test is stopped, and the stage at which nothing is waited for any more.
+#: The stage at which the running test is stopped, and the stage at which the run waits for nothing any more.
 NOW_STAGE, KILL_STAGE = 2, 3
 #: Seconds that the running test, with its teardown, has to end after SIGTERM or SIGHUP. The fixtures come after it, and
 #: the reports, before the sender kills, which is ten seconds later as a rule.
@@ -41,11 +41,11 @@ _NO = frozenset({"n", "no", "nein", "false", "0"})
 
 
 class AnswerError(ValueError):
-    """What was typed does not answer the question; the message says what would."""
+    """A text that does not answer the question; the message has the valid answers."""
 
 
 class TooLateError(TestingError, RuntimeError):
-    """The run is over, or the question is not open: somebody else answered it, or its time is up."""
+    """The run is over, or the question is not open any more: it has an answer, or its time is up."""
 
 
 class Control:
@@ -82,17 +82,17 @@ class Control:
 
     @property
     def in_a_hurry(self) -> bool:
-        """Whether the run has to end at once, and in time."""
+        """Whether the run has to end at once, within the time limits of a signal."""
         return self.test_deadline.at != clock.FOREVER
 
     def stop(self, source: str, stage: int) -> None:
-        """Stop the run: 1 after the running test, 2 now. ``source`` says who wants it. Raises TooLateError."""
+        """Stop the run: 1 after the running test, 2 now. ``source`` names the requester. Raises TooLateError."""
         if self._over:
             raise TooLateError("the run is over")
         self.request(source, stage=stage)
 
     def signalled(self, signum: int) -> None:
-        """Note a signal. SIGINT asks for one stage more; SIGTERM and SIGHUP ask the run to end at once, and in time."""
+        """Handle a signal. SIGINT requests the next stage; SIGTERM and SIGHUP end the run at once, and in time."""
         stage = 0
         if signum != signal.SIGINT:
             if not self.in_a_hurry:
@@ -101,7 +101,7 @@ class Control:
         self.request(processes.signal_name(signum), stage=stage)
 
     def request(self, source: str, *, stage: int = 0) -> None:
-        """Ask for one stage more, or for a stage at least. Takes no lock: signal handlers call it."""
+        """Request the next stage, or at least a given stage. Takes no lock: signal handlers call it."""
         self.stage = min(KILL_STAGE, max(self.stage + 1 if stage == 0 else self.stage, stage))
         self._requests.append(Interrupted(source=source, stage=self.stage))
         for reactor in [*self._reactors]:
@@ -115,7 +115,7 @@ class Control:
                 emit(self._requests[self._announced - 1])
 
     def fixtures_deadline(self, more: float) -> clock.Deadline:
-        """When fixtures are killed that have not come down; ``more`` is what some need beyond the limit, in seconds."""
+        """Return when fixtures that are not down are killed; ``more`` is their time beyond the limit, in seconds."""
         limit = STOP_LIMIT + more
         return clock.Deadline(self.test_deadline.at + limit, TEST_LIMIT + limit)
 
@@ -135,11 +135,11 @@ class Control:
         return self._automatic is not None or bool(self._listeners)
 
     def attend(self, listener: Callable[[Asked], None] = lambda _: None) -> None:
-        """Say that somebody is there who answers. ``listener`` is called with each question, and must be quick."""
+        """Register a listener that can answer. It is called with each question, and must be quick."""
         self._listeners.append(listener)
 
     def attend_terminal(self) -> None:
-        """Have lines that are typed at this terminal answer the oldest open question.
+        """Take lines that are typed at this terminal as answers to the oldest open question.
 
         Nothing is read before the first question: what was typed until then is no answer.
         """
@@ -159,11 +159,11 @@ class Control:
                     self.answer(question.test, question.question, line, "console")
                 except AnswerError as error:
                     sys.stderr.write(f"{error}:\n")
-                except TooLateError as error:  # somebody else was quicker
+                except TooLateError as error:  # another answer was quicker
                     sys.stderr.write(f"{error}\n")
 
     def ask(self, question: Asked, reply: Reply) -> None:
-        """Put a question to everybody who is there. For the run."""
+        """Put a question to all registered listeners. For the run."""
         if self._automatic is not None:
             reply(_answer_beforehand(question, self._automatic), "automatic")
             return
@@ -179,7 +179,7 @@ class Control:
             return tuple(question for question, _ in self._open.values())
 
     def answer(self, test: str, question: str, text: str, source: str) -> str:
-        """Answer a question with what somebody typed; the first valid answer counts. Returns what was understood.
+        """Answer a question with a typed text; the first valid answer counts. Returns the answer as it was understood.
 
         Raises AnswerError when the text is no answer, TooLateError when the question is not open.
         """
@@ -221,9 +221,9 @@ def _answer_beforehand(question: Asked, answer: str) -> str | None:
 
 
 def interpret(question: Asked, text: str) -> str:
-    """Make the answer of what somebody typed: ``yes``/``no``, one of the choices (or its number), a number, a text.
+    """Return the answer in a typed text: ``yes``/``no``, one of the choices (or its number), a number, a text.
 
-    Raises AnswerError when it is none.
+    Raises AnswerError when there is none.
     """
     text = text.strip()
     if not text and question.default is not None:

@@ -1,4 +1,4 @@
-"""The runner: what runs next, and what a collapse, a time-out or an interrupt does to it.
+"""The runner: it decides what runs next, and what a collapse, a time-out or an interrupt does to the run.
 
 A run has suite workers. Each suite worker is a thread with a fork server, a reactor and a supervisor of its own, and
 works through suites that share a fixture, one after the other; without ``-j`` there is one suite worker, in the main
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from rtf.testing.results import RunResult
     from rtf.testing.suite.model import TestEntry, TestSuite
 
-#: Seconds a test may take where neither suite, plug-in nor command line says anything: everything ends.
+#: The default limit of a test in seconds, if neither suite, plug-in nor command line has one.
 DEFAULT_LIMITS = Timeouts(setup=60.0, run=300.0, teardown=30.0)
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 #: Seconds between two looks of the main thread at the suite workers; a signal handler runs between its waits only.
@@ -173,7 +173,7 @@ class Run:
                 self.plan(suite)
 
     def plan(self, suite: TestSuite) -> None:
-        """Tell of a suite and its tests, as far as that was not done before."""
+        """Emit the plan of a suite and its tests, unless that was done before."""
         known = self._broadcast.results
         if suite.id not in known.suites:
             self._plan_suite(suite)
@@ -246,7 +246,7 @@ class Run:
         return self._broadcast.results.exit_code(allow_empty=self.options.allow_empty)
 
     def _account_for_all(self) -> None:
-        """No planned test goes without a last word."""
+        """Emit a final end for each planned test that has none."""
         for test in [*self._broadcast.results.tests.values()]:
             if test.verdict is None:
                 verdict = Verdict.NOT_RUN
@@ -263,7 +263,7 @@ class Run:
 
     @contextlib.contextmanager
     def _signals(self) -> Iterator[None]:
-        """Take signals in the block: those that are not ignored, in the main thread, if the run is to have them."""
+        """Handle signals in the block: those that are not ignored, in the main thread, if the run may have them."""
         in_main = threading.current_thread() is threading.main_thread()
         wanted = _SIGNALS if self.options.handle_signals and in_main else ()
         before = {signum: signal.getsignal(signum) for signum in wanted}
@@ -289,7 +289,7 @@ class Run:
                 continue
 
     def _groups(self) -> list[list[TestSuite]]:
-        """What may run at the same time: suites that share a fixture are one group, copies of a suite are several."""
+        """Return groups that may run at the same time: suites with a common fixture are one, copies of a suite many."""
         groups = []
         for suites in groups_sharing_fixtures(self.suites):
             copies = copies_of(suites[0], self.options.jobs) if len(suites) == 1 else []
@@ -315,29 +315,29 @@ class Run:
     # What holds for a test ---------------------------------------------------------------------------------------
 
     def limits_of(self, suite: TestSuite, test: TestEntry) -> Limits:
-        """The limits of a test: its own, its suite's, its author's, the command line's or the defaults."""
-        if self.options.terminal:  # somebody is thinking
+        """Return the limits of a test: its own, its suite's, its author's, the command line's or the defaults."""
+        if self.options.terminal:  # a person is debugging
             return Limits(setup=None, run=None, teardown=None, grace=self.options.grace)
         chosen = suite.timeouts_of(test).inherit(Timeouts(run=test.spec.timeout))
         chosen = chosen.inherit(self.options.limits).inherit(DEFAULT_LIMITS)
         return Limits(**asdict(chosen), grace=self.options.grace)
 
     def take_launched(self) -> Launched | None:
-        """The fork server that was started before the run, for the first suite worker that asks."""
+        """Return the fork server that was started before the run, for the first suite worker that asks."""
         with self._lock:
             launched, self._launched = self._launched, None
         return launched
 
     def repetition_of(self, entry: TestEntry) -> int:
-        """Additional runs of the body."""
+        """Return the number of additional runs of the body."""
         return entry.repetition if self.options.repetition is None else self.options.repetition
 
     def retries_of(self, entry: TestEntry) -> int:
-        """Additional attempts after a failure."""
+        """Return the number of additional attempts after a failure."""
         return entry.retries if self.options.retries is None else self.options.retries
 
     def stop_reason(self) -> str:
-        """Why no further test is to be started, or an empty text."""
+        """Return why no further test may be started, or an empty text."""
         if self.control.stage:
             self.control.announce(self.emit)
             return "the run was interrupted"
@@ -352,12 +352,12 @@ class Run:
 
 
 def most_memory() -> int:
-    """Bytes of private memory that a test may use where nobody says otherwise: three quarters of the machine's."""
+    """Return the default limit of a test's private memory in bytes: three quarters of the machine's."""
     return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") * 3 // 4
 
 
 def _facts() -> dict[str, str]:
-    """Where, with what and by whom the run is made."""
+    """Return the facts of the run: its machine, user and software."""
     try:
         user = getpass.getuser()
     except (KeyError, OSError):

@@ -25,7 +25,7 @@ _OPTION = re.compile(
 
 
 def is_secret(name: str, declared: Collection[str] = ()) -> bool:
-    """Return whether what is given to this name is secret: by one of its words, or because it is ``declared``."""
+    """Return whether a value with this name is secret: by a word of the name, or because it is ``declared``."""
     words = {part.lower().removesuffix("s") for part in _PART.findall(name)}
     return name in declared or not words.isdisjoint(_WORDS) or "passwd" in name.lower()
 

@@ -72,7 +72,7 @@ def parse_expression(text: str) -> Expression:
 
 
 class _MisplacedError(Exception):
-    """What Python accepts and an expression must not have, such as ``a (b)``, which is a call, or too much depth."""
+    """An expression that Python accepts and ``-k`` must not, such as ``a (b)``, which is a call, or too much depth."""
 
     def __init__(self, node: ast.expr) -> None:
         super().__init__()
@@ -99,7 +99,7 @@ def _compiled(node: ast.expr, words: Sequence[str], depth: int) -> Callable[[Cal
 
 
 def name_filter(expression: str) -> Filter:
-    """Build the filter of ``-k``: words are looked for in names and ids."""
+    """Build the filter of ``-k``: words are searched in names and ids."""
     parsed = parse_expression(expression)
 
     def keeps(test: TestEntry) -> bool:
@@ -123,7 +123,7 @@ def tag_filter(expression: str) -> Filter:
 def id_filter(ids: Collection[str]) -> Filter:
     """Build the filter of ``--last-failed`` and ``--resume``: these ids, also as older versions had them.
 
-    Of a program whose id is among them all cases are.
+    For a program with one of the ids, all its cases pass.
     """
     wanted = frozenset(ids)
     return lambda test: not wanted.isdisjoint((test.id, former(test.id), program_of(test.id)))
@@ -141,7 +141,7 @@ def select(
     ``with_required`` keeps also the earlier tests of the same suite that those require by ``test:``. Without filters
     everything is kept, empty suites included.
 
-    ``cases`` has, by id, the names of the cases of programs as far as they are known. They are chosen as tests are: a
+    ``cases`` has, by id, the names of the cases of programs as far as they are known. They are selected as tests are: a
     program is run whole when it passes the filters with all its cases, else with the cases that pass.
     """
     conditions = tuple(filters)
@@ -160,7 +160,7 @@ def select(
 
 
 def _chosen(test: TestEntry, conditions: Sequence[Filter], cases: Mapping[str, str]) -> TestEntry | None:
-    """The test if it passes, with the only cases that are wanted of it."""
+    """Return the test if it passes, with the only cases that are wanted of it."""
     itself = all(condition(test) for condition in conditions)
     wanted = tuple(
         (case, name)
@@ -173,11 +173,11 @@ def _chosen(test: TestEntry, conditions: Sequence[Filter], cases: Mapping[str, s
 
 
 def shuffle(suites: Iterable[TestSuite], seed: int) -> tuple[TestSuite, ...]:
-    """Put the tests of each suite into an order that depends on nothing but the seed and their ids.
+    """Put the tests of each suite into an order that depends only on the seed and their ids.
 
     Suites stay where they are and keep their tests. A test that requires another, or is required, keeps its place, so
-    that what it needs still stands before it. Because the order comes from a hash of each id, leaving tests out does
-    not change the order of the others, and the same seed gives the same order on every machine.
+    that what it needs still comes before it. Because the order comes from a hash of each id, leaving tests out does not
+    change the order of the others, and the same seed gives the same order on every machine.
     """
     return tuple(suite.with_tests(_shuffled(suite.tests, seed)) for suite in suites)
 

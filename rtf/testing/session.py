@@ -1,4 +1,4 @@
-"""What stands behind a test while it runs: where its events go, what they add up to, how it is stopped and answered.
+"""The connection of a running test to its runner: its events, their sum, stops, and answers.
 
 A session lives in the test's own process. Any thread of the test may emit; only the main thread is ever stopped.
 """
@@ -47,7 +47,7 @@ T = TypeVar("T")
 
 @dataclass(slots=True)
 class Tally:
-    """What the events of a test, or of the part of it that is called ``subject``, add up to."""
+    """The sum of the events of a test, or of its part that is called ``subject``."""
 
     subject: str = ""
     failures: int = 0
@@ -59,7 +59,7 @@ class Tally:
     first: str = ""  # the first failure or error: the reason people want to read
 
     def verdict(self) -> Verdict:
-        """What is to be said. A failure is never hidden by what came after it."""
+        """Return the verdict. A failure is never hidden by a later event."""
         if self.failures:
             return Verdict.FAILED
         if self.errors:
@@ -80,7 +80,7 @@ class Tally:
 
 
 def bounded(text: str) -> str:
-    """The text, or its two ends where it is longer than an event may carry."""
+    """Return the text, or its two ends if it is longer than an event may carry."""
     if len(text) <= TEXT_LIMIT:
         return text
     half = TEXT_LIMIT // 2
@@ -88,7 +88,7 @@ def bounded(text: str) -> str:
 
 
 def text_of(error: BaseException) -> str:
-    """The text of an error, also of one that cannot be written."""
+    """Return the text of an error, also of an error whose text cannot be made."""
     try:
         return str(error)
     except Exception as broken:  # noqa: BLE001 - an author's __str__ may do anything, and must not hide the error
@@ -96,13 +96,13 @@ def text_of(error: BaseException) -> str:
 
 
 def named_text_of(error: BaseException) -> str:
-    """The name of an error's class, and its text where it has one."""
+    """Return the name of an error's class, and its text if it has one."""
     text = text_of(error)
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 def author_traceback(error: BaseException) -> str:
-    """The traceback as Python prints it, beginning at the first frame that is not the framework's own."""
+    """Return the traceback as Python prints it, from the first frame that is not RTF's own."""
     trace = error.__traceback__
     while trace is not None and trace.tb_frame.f_code.co_filename.startswith(OWN_FOLDER):
         trace = trace.tb_next
@@ -116,9 +116,9 @@ def author_traceback(error: BaseException) -> str:
 
 
 def calling_place(own: str) -> tuple[str, int]:
-    """File and line from which ``own``, a file of the framework, was called.
+    """Return file and line from which ``own``, a file of RTF, was called.
 
-    The nearest frame of a plug-in, or without one the nearest outside of ``own``.
+    That is the nearest frame of a plug-in, or without one the nearest outside of ``own``.
     """
     frame = sys._getframe(1)  # noqa: SLF001 - inspect.stack() reads source files and takes milliseconds
     while frame.f_back is not None and frame.f_code.co_filename in (own, __file__):
@@ -133,7 +133,7 @@ def calling_place(own: str) -> tuple[str, int]:
 
 
 def raised_place(error: BaseException) -> tuple[str, int]:
-    """File and line of the innermost frame of a plug-in; without one, of the innermost that is not the framework's."""
+    """Return file and line of the innermost frame of a plug-in; without one, of the innermost that is not RTF's."""
     place, in_plugin = ("", 0), False
     for frame, line in traceback.walk_tb(error.__traceback__):
         file = frame.f_code.co_filename
@@ -152,7 +152,7 @@ def _of_plugin(frame: FrameType) -> bool:
 class Stoppable(Generic[M]):
     """Sends messages whole, from any thread, and stops the main thread while that runs an author's code.
 
-    ``send`` puts one message on its way and blocks while the runner is slower.
+    ``send`` sends one message and blocks while the runner is slower.
     """
 
     def __init__(self, send: Callable[[M], None]) -> None:
@@ -182,7 +182,7 @@ class Stoppable(Generic[M]):
     def stop(self, reason: str) -> None:
         """Ask the main thread to end; called from its signal handler, with :class:`TestStopped` as the effect.
 
-        It takes effect at once in the author's code, and when an event that is being sent is whole; outside the
+        It takes effect at once in the author's code, or when the event that is being sent is whole; outside the
         author's code it keeps the body from being started.
         """
         self._stop = self.stopped = reason
@@ -194,9 +194,9 @@ class Stoppable(Generic[M]):
         raise TestStopped(reason)
 
     def run_stoppable(self, function: Callable[[], T]) -> T:
-        """Return the result of a function of the author's; in it, and only in it, the main thread may be stopped.
+        """Return the result of an author's function, in which alone the main thread may be stopped.
 
-        A stop that came a moment before keeps it from being called, but not what undoes things.
+        A stop that came just before keeps the function from being called, unless it undoes something.
         """
         if self.phase in UNDOING_PHASES:
             self._stop = None
@@ -212,12 +212,12 @@ class Stoppable(Generic[M]):
 class Session(Stoppable[Event | Case]):
     """The one channel between a test and its runner.
 
-    ``receive`` waits so many seconds for an answer (question, answer, source); it is None where nobody can answer.
-    ``folder`` is the test's own inside ``run_folder``.
+    ``receive`` waits so many seconds for an answer (question, answer, source); it is None if questions cannot be
+    answered. ``folder`` is the test's own inside ``run_folder``.
     """
 
-    #: Says why nothing is to be concluded from an exception, "" where it is an error as ever; for a kind of tests that
-    #: knows such exceptions.
+    #: Returns why an exception proves nothing, or "" if it is an ordinary error; for kinds of tests that have such
+    #: exceptions.
     excuse: Callable[[Exception], str] | None = None
     #: Opens a debugger where an exception was raised, if the test is debugged.
     examine: Callable[[Exception], None] | None = None
@@ -259,17 +259,17 @@ class Session(Stoppable[Event | Case]):
         return Path(self._run_folder)
 
     def enter(self, phase: Phase, repetition: int = 0) -> None:
-        """Say that a phase begins; the runner's time-out for it begins with this."""
+        """Emit the beginning of a phase, with which the runner's time-out begins."""
         self.phase = phase
         self.emit(PhaseStarted(test=self.test, phase=phase, repetition=repetition))
 
     @property
     def subject(self) -> str:
-        """The sub-result the main thread is in, outermost first, parts joined by ``/``."""
+        """The sub-result of the main thread, outermost first, parts joined by ``/``."""
         return self._tallies[-1].subject
 
     def judged(self) -> None:
-        """Count one judgement, whatever it came to."""
+        """Count one judgement, whatever its result."""
         for tally in self._tallies:
             tally.judged += 1
 
@@ -291,12 +291,12 @@ class Session(Stoppable[Event | Case]):
         return bool(holds)
 
     def recorded(self) -> None:
-        """Count one thing that was only recorded."""
+        """Count one value that was only recorded."""
         for tally in self._tallies:
             tally.recorded += 1
 
     def _note(self, severity: Severity, text: str) -> None:
-        """Count a failure or an error. What the test as a whole came to names the part in which it was found."""
+        """Count a failure or an error. The reason of the whole test names the part in which it was found."""
         subject = self.subject
         self.undoing_failed = self.undoing_failed or self.phase in UNDOING_PHASES
         for tally in self._tallies[1:]:
@@ -338,7 +338,7 @@ class Session(Stoppable[Event | Case]):
         )
 
     def raised(self, error: Exception) -> None:
-        """Turn an exception that left the author's code into data: the one place where this is done."""
+        """Turn an exception that left the author's code into an event; this is done nowhere else."""
         if isinstance(error, SkipTest | Inconclusive):
             self._set_aside(error)
             return
@@ -370,7 +370,7 @@ class Session(Stoppable[Event | Case]):
 
     @contextmanager
     def part(self, subject: str) -> Iterator[None]:
-        """A part of the test with its own verdict; what stops the part does not stop the test."""
+        """Run a part of the test with its own verdict; an exception that ends the part does not end the test."""
         tally = Tally(f"{self.subject}/{subject}" if self.subject else subject)
         began = clock.monotonic()
         self._tallies.append(tally)
@@ -394,7 +394,7 @@ class Session(Stoppable[Event | Case]):
             )
 
     def ask(self, question: Asked) -> str | None:
-        """Put a question to the operator and wait for the answer; None when nobody answered in time."""
+        """Put a question to the operator and wait for the answer; None if there is none in time."""
         self._questions += 1
         self.emit(question)
         answer, source = question.default, "timeout"
@@ -411,5 +411,5 @@ class Session(Stoppable[Event | Case]):
         return answer
 
     def next_question(self) -> str:
-        """An identifier for the next question, unique within the run."""
+        """Return an identifier for the next question, unique within the run."""
         return f"{self.test}#{self._questions + 1}"

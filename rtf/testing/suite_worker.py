@@ -1,6 +1,6 @@
-"""A suite worker: suites that share a fixture, worked through one after the other.
+"""A suite worker, which runs suites that share a fixture, one after the other.
 
-It brings fixtures up and down, hands out tests, and knows what stops a test or a suite: a time-out, an interrupt, the
+It brings fixtures up and down, hands out tests, and decides what stops a test or a suite: a time-out, an interrupt, the
 end of the run. It has a fork server, a reactor and a supervisor of its own, and runs in one thread.
 """
 
@@ -33,11 +33,11 @@ if TYPE_CHECKING:
 
 
 class SuiteWorker:
-    """Works through suites one after the other, with one fork server and one set of fixtures.
+    """Runs suites one after the other, with one fork server and one set of fixtures.
 
-    :meth:`run` keeps to the order of the plan. A caller that learns the order one by one uses what :meth:`run` is made
-    of instead: inside :meth:`at_work` and :meth:`suite` tests are run one by one, and :meth:`wait` stands for the time
-    between them. All but :meth:`wake` and :meth:`abort` belong to one thread.
+    :meth:`run` keeps to the order of the plan. A caller that learns the order one by one uses the parts of :meth:`run`
+    instead: inside :meth:`at_work` and :meth:`suite` it runs tests one by one, and calls :meth:`wait` between them. All
+    methods but :meth:`wake` and :meth:`abort` belong to one thread.
     """
 
     def __init__(self, run: Run, suites: Sequence[TestSuite]) -> None:
@@ -71,7 +71,7 @@ class SuiteWorker:
         )
 
     def run(self) -> None:
-        """Run the suites; afterwards everything of this suite worker is gone."""
+        """Run the suites; afterwards all processes of this suite worker are gone."""
         done = self.whole_run.options.done
         with self.at_work():
             for index, suite in enumerate(self._suites):
@@ -82,7 +82,7 @@ class SuiteWorker:
                         self._run_tests(suite)
 
     def _run_tests(self, suite: TestSuite) -> None:
-        """Run the tests of a suite that nobody else runs."""
+        """Run the tests of a suite that no other worker runs."""
         dispatcher = self._dispatcher
         tests = {test.id: test for test in suite.tests}
         while not dispatcher.is_empty(suite.id):
@@ -98,7 +98,7 @@ class SuiteWorker:
 
     @contextmanager
     def at_work(self) -> Iterator[None]:
-        """Have a fork server in the block; afterwards everything of this suite worker is gone."""
+        """Provide a fork server in the block; afterwards all processes of this suite worker are gone."""
         self.whole_run.control.add_reactor(self.reactor)
         try:
             has_plugins = any(test.found is not None for suite in self._suites for test in suite.tests)
@@ -115,13 +115,13 @@ class SuiteWorker:
                     self.emit(Diagnosed(severity=Severity.WARNING, text=problem))
 
     def wait(self, until: Callable[[], bool]) -> None:
-        """Watch over the fixtures until something holds; what makes it hold must call :meth:`wake`."""
+        """Watch the fixtures until the condition holds; the code that makes it hold must call :meth:`wake`."""
         while not until():
             self.supervisor.watch()
             self.reactor.run_once(self.supervisor.deadline())
 
     def wake(self) -> None:
-        """Have :meth:`wait` look again. Any thread."""
+        """Make :meth:`wait` check its condition. Any thread."""
         self.reactor.wake()
 
     def abort(self, reason: str) -> None:
@@ -133,7 +133,7 @@ class SuiteWorker:
 
     @contextmanager
     def suite(self, suite: TestSuite, later: Sequence[TestSuite] = ()) -> Iterator[None]:
-        """Run tests of a suite in the block; afterwards its fixtures are down but for those that a ``later`` one needs.
+        """Run tests of a suite in the block; afterwards its fixtures are down, except those that a ``later`` suite has.
 
         Its fixtures come up with the first test that needs them.
         """
@@ -167,7 +167,7 @@ class SuiteWorker:
         return forced or self._stop_by().expired
 
     def _stop_by(self) -> clock.Deadline:
-        """When fixtures have to be down, once the run has to end at once. It warns if that is later than usual."""
+        """Return when fixtures have to be down if the run has to end at once; warn if that is later than usual."""
         control = self.whole_run.control
         if control.in_a_hurry and self._fixtures_deadline.at == clock.FOREVER:
             slow = self.supervisor.slow_to_stop()
@@ -179,7 +179,7 @@ class SuiteWorker:
         return self._fixtures_deadline
 
     def _take_down(self, names: list[str]) -> None:
-        """Tear fixtures down. The force that ended the running test is not used on them; they must be asked first."""
+        """Tear fixtures down in order first: the force that ended the running test is not used on them."""
         self._stops_before = self.whole_run.control.count
         self.supervisor.take_down(names)
 
@@ -206,18 +206,18 @@ class SuiteWorker:
         self.whole_run.count_failures(Attempts(self, test).run())
 
     def bring_up(self, test: TestEntry) -> bool:
-        """Have the fixtures of a test up. False when it cannot be started; :meth:`run_test` then says at once why."""
+        """Bring up the fixtures of a test. False: it cannot start, and :meth:`run_test` only reports why."""
         return Attempts(self, test).bring_up()
 
     def stop_reason(self) -> str:
-        """Why nothing more of this suite is to be started, or an empty text."""
+        """Return why nothing more of this suite may be started, or an empty text."""
         reason = self.whole_run.stop_reason() or self._aborted
         if not reason and self._suite_deadline.expired:
             reason = self._suite_overdue()
         return reason
 
     def stop_of_test(self) -> Stop | None:
-        """Why the running test is to be stopped, whatever the state of its fixtures."""
+        """Return why the running test must be stopped, whatever the state of its fixtures; None if it need not."""
         control = self.whole_run.control
         reason = self.whole_run.stop_reason() if control.stage else ""
         if control.stage > 1:
@@ -230,24 +230,24 @@ class SuiteWorker:
         return f"the suite did not end within {self._suite_deadline.limit:g} s"
 
     def next_tick(self) -> clock.Deadline:
-        """The moment at which something here has to be looked at, if nothing happens before."""
+        """Return the moment of the next deadline."""
         deadline = self.supervisor.deadline().earliest(self._suite_deadline)
         hurry = self.whole_run.control.test_deadline
         return deadline if hurry.expired else deadline.earliest(hurry)
 
     def kills_test(self) -> bool:
-        """Whether the running test is not to be waited for any more."""
+        """Return whether the running test is not to be waited for any more."""
         control = self.whole_run.control
         return control.stage >= KILL_STAGE or control.test_deadline.expired
 
     def shared_child(self) -> Child:
-        """The process that tests share which have none of their own."""
+        """Return the process of the tests that share one."""
         if self._shared is None or self._shared.end is not None:
             self._shared = self.fork_server.take()
         return self._shared
 
     def end_shared(self) -> None:
-        """End that process, and wait until it is gone."""
+        """End the shared process, and wait until it is gone."""
         if self._shared is not None:
             self._shared.dismiss()
             self._shared = None
@@ -273,14 +273,14 @@ class SuiteWorker:
         )
 
     def fixture_values(self, names: Iterable[str]) -> str:
-        """What the fixtures hand on, by the names that the suite gives them."""
+        """Return the values of the fixtures, by the names that the suite gives them, as a JSON text."""
         values = self.supervisor.values(names)
         suffix = copy_suffix(self.current.copy)
         return json.dumps({name.removesuffix(suffix): value for name, value in values.items()}) if values else ""
 
 
 def _kept_for(suite: TestSuite, later: Sequence[TestSuite]) -> set[str]:
-    """The fixtures of a suite that stay up for a later one: run-scoped, the same there, with all that they need."""
+    """Return the fixtures of a suite that stay up for a later one: run-scoped, equal there, with all that they need."""
     kept: set[str] = set()
     for entry in suite.fixtures:
         others = (other for following in later for other in following.fixtures if other.name == entry.name)

@@ -1,4 +1,4 @@
-"""What can be said of a test, a suite or a run when it is over, and the exceptions with which a test ends itself."""
+"""The verdicts of tests, suites and runs, and the exceptions with which a test ends itself."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class Verdict(StrEnum):
-    """What is said of one test in the end.
+    """The verdict of one test.
 
     ``failed`` means the thing under test is wrong; ``error`` means it could not be tested. The two are never mixed.
     The order is that of reports: what needs attention comes first.
@@ -20,7 +20,7 @@ class Verdict(StrEnum):
 
     FAILED = "failed"
     ERROR = "error"
-    FIXTURE_LOST = "fixture lost"  # what the test stood on collapsed under it
+    FIXTURE_LOST = "fixture lost"  # a fixture of the test collapsed during the test
     UNEXPECTED_PASS = "unexpected pass"  # noqa: S105 - a verdict, not a secret
     INCONCLUSIVE = "inconclusive"
     INTERRUPTED = "interrupted"
@@ -39,7 +39,7 @@ class Verdict(StrEnum):
 
     @property
     def ran(self) -> bool:
-        """Whether the test's body was started and came to a statement of its own."""
+        """Whether the test's body was started and reached a verdict of its own."""
         return self not in _DID_NOT_RUN
 
 
@@ -50,7 +50,7 @@ _DID_NOT_RUN = frozenset({Verdict.SKIPPED, Verdict.BLOCKED, Verdict.NOT_RUN})
 
 
 class ExitCode(IntEnum):
-    """What the process says to the shell. Documented, and never changed once released."""
+    """The exit code of a run. Documented, and never changed once released."""
 
     PASSED = 0
     FAILURES = 1
@@ -62,7 +62,7 @@ class ExitCode(IntEnum):
 
 
 class Severity(StrEnum):
-    """How much a message weighs. ``pass`` is a check that held."""
+    """The severity of a message. ``pass`` is a check that held."""
 
     DEBUG = "debug"
     INFO = "info"
@@ -73,7 +73,7 @@ class Severity(StrEnum):
 
 
 class Phase(StrEnum):
-    """The part of a test or fixture that was at work."""
+    """The phase of a test or fixture."""
 
     LOAD = "load"
     SETUP = "setup"
@@ -88,7 +88,7 @@ UNDOING_PHASES = (Phase.TEARDOWN, Phase.CLEANUP)
 
 
 class FixtureState(StrEnum):
-    """Where one generation of a fixture is in its life."""
+    """The state of a fixture."""
 
     STARTING = "starting"
     READY = "ready"
@@ -99,7 +99,7 @@ class FixtureState(StrEnum):
 
 
 class MeasurementVerdict(StrEnum):
-    """Where a value lies between its limits."""
+    """The place of a value between its limits."""
 
     PASSED = "passed"
     MARGINAL = "marginal"
@@ -150,7 +150,7 @@ class SkipTest(TestingError, Exception):
 
 
 class Inconclusive(TestingError, Exception):
-    """The test ran, and nothing can be said: not enough samples, disturbed conditions."""
+    """The test ran and cannot judge: not enough samples, disturbed conditions."""
 
 
 class TestStopped(BaseException):
@@ -160,4 +160,4 @@ class TestStopped(BaseException):
 
 
 class FixtureCollapsed(TestingError, RuntimeError):
-    """A fixture says from its own ``check`` why it can no longer be stood on."""
+    """Raised in a fixture's ``check``, with the reason why tests cannot use it any more."""

@@ -1,4 +1,4 @@
-"""Verdicts and measurements of all runs of a station, in one SQLite file, and what they say over time."""
+"""The history: verdicts and measurements of all runs of a station in one SQLite file, and their trends."""
 
 from rtf.testing.history.database import History, HistoryError, StoredRun, default_place
 from rtf.testing.history.trends import trends

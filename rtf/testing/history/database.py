@@ -1,11 +1,11 @@
 """The file of the history: opened by several testrunners at a time, and readable by any SQLite tool.
 
-A run is put in whole, in one transaction, or not at all; a run that is put in again takes the place of what was there.
-Its tests are from its results, its measurements from its journal; of a test that was tried several times the last
-attempt counts. What the rows mean over time is the matter of ``trends``.
+A run is added whole, in one transaction, or not at all; a run that is added again replaces the old one. Its tests come
+from its results, its measurements from its journal; of a test that was tried several times the last attempt counts.
+``trends`` evaluates the rows over time.
 
-The version of the tables stands in ``user_version``, and ``application_id`` tells our files from other people's. A step
-from one version to the next, once released, is never changed; a new version is a new step.
+The version of the tables is in ``user_version``, and ``application_id`` marks the file as ours. A step from one version
+to the next, once released, is never changed; a new version is a new step.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _PATIENCE = 10.0
 #: "RTFH" in the header of the file.
 _APPLICATION = 0x52544648
 
-#: What leads from version 0, an empty file, to 1, and so on. Rows lie in the order of their keys, so that what belongs
+#: The steps from version 0, an empty file, to 1, and so on. Rows are in the order of their keys, so that what belongs
 #: to a run, a test or a measurement is read in one go and needs no index beside it.
 STEPS: tuple[tuple[str, ...], ...] = (
     (
@@ -139,7 +139,7 @@ _RUN_COLUMNS = ", ".join(StoredRun.__dataclass_fields__)
 
 
 def default_place() -> Path:
-    """Where the history is when nobody says otherwise: a file of the user's."""
+    """Return the default path of the history, in the user's data folder."""
     import platformdirs
 
     return Path(platformdirs.user_data_dir("rtf", appauthor=False)) / FILE_NAME
@@ -185,7 +185,7 @@ class History:
             migrate(connection, STEPS)
 
     def check_writable(self) -> None:
-        """Raise HistoryError when nothing could ever be written. Another writer at work is no hindrance."""
+        """Raise HistoryError when the file can never be written. Another writer at work is no hindrance."""
         with self._telling():
             self._connection.execute("PRAGMA busy_timeout = 0")
             try:
@@ -200,7 +200,7 @@ class History:
     # Writing -----------------------------------------------------------------------------------------------------
 
     def record(self, run: StoredRun, tests: Iterable[TestRow], measurements: Iterable[MeasurementRow]) -> None:
-        """Put a run in, whole, in the place of the same run if it is there."""
+        """Add a run, whole, and replace the same run if it is there."""
         with self._telling(), self._transaction():
             execute, many = self._connection.execute, self._connection.executemany
             execute(
@@ -219,12 +219,12 @@ class History:
             )
 
     def forget(self, run: str) -> int:
-        """Take out all runs of this name; returns how many there were."""
+        """Remove all runs of this name; returns how many there were."""
         with self._telling(), self._transaction():
             return self._connection.execute("DELETE FROM runs WHERE run = ?", (run,)).rowcount
 
     def prune(self, keep: int) -> int:
-        """Keep the newest runs of each robot on each station, and give the space of the others back."""
+        """Keep the newest runs of each robot on each station, and free the space of the others."""
         with self._telling():
             with self._transaction():
                 gone = self._connection.execute(
@@ -267,7 +267,7 @@ class History:
 
     @contextmanager
     def snapshot(self) -> Iterator[None]:
-        """See one state of the file throughout the block, whatever others write meanwhile."""
+        """Show one state of the file throughout the block, whatever other processes write meanwhile."""
         with self._telling():
             self._connection.execute("BEGIN")
         try:
@@ -278,7 +278,7 @@ class History:
     # Opening and closing -----------------------------------------------------------------------------------------
 
     def close(self) -> None:
-        """Be done with the file."""
+        """Close the file."""
         with self._telling():
             self._connection.close()
 
@@ -303,7 +303,7 @@ class History:
 
     @contextmanager
     def _telling(self) -> Iterator[None]:
-        """Say of what goes wrong with the file which one it is, and what fixes it."""
+        """Add the file and a hint to errors in the block."""
         try:
             yield
         except sqlite3.Error as error:
@@ -337,7 +337,7 @@ def _is_writable(path: Path) -> bool:
 
 
 def _connect(path: Path, *, create: bool, read_only: bool) -> sqlite3.Connection:
-    """Open the file, for reading alone where it cannot be written, as on a stick or in an archive."""
+    """Open the file, read-only if it cannot be written, as on a stick or in an archive."""
     mode = "rwc" if create else "rw"
     if read_only:
         # What is still in the write-ahead log can be read only with files beside it that cannot be made there.
@@ -352,9 +352,10 @@ def _connect(path: Path, *, create: bool, read_only: bool) -> sqlite3.Connection
 
 
 def _write_ahead(connection: sqlite3.Connection) -> None:
-    """Let readers and a writer not wait for each other. A file system without shared memory has to do without.
+    """Use a write-ahead log, so that readers and a writer do not wait for each other, where that is possible.
 
-    SQLite does not wait here for others who are doing the same, so we do.
+    A file system without shared memory has none. SQLite does not wait here for processes that do the same, so this
+    function does.
     """
     deadline = clock.Deadline.after(_PATIENCE)
     while True:
@@ -369,10 +370,10 @@ def _write_ahead(connection: sqlite3.Connection) -> None:
 
 
 def _version(connection: sqlite3.Connection) -> int | None:
-    """The version of an open file: 0 when there is nothing in it, None when it is not ours."""
+    """Return the version of an open file: 0 if it is empty, None if it is not ours."""
     began = not connection.in_transaction
     if began:
-        connection.execute("BEGIN")  # one look at all three: somebody else may be making the file right now
+        connection.execute("BEGIN")  # one look at all three: another process may be making the file right now
     try:
         (application,) = connection.execute("PRAGMA application_id").fetchone()
         (version,) = connection.execute("PRAGMA user_version").fetchone()
@@ -386,7 +387,7 @@ def _version(connection: sqlite3.Connection) -> int | None:
 def migrate(connection: sqlite3.Connection, steps: Sequence[Sequence[str]]) -> None:
     """Bring a file of ours up to the version of the last step. To be called in a transaction that may write."""
     done = _version(connection) or 0
-    if done >= len(steps):  # another one was faster
+    if done >= len(steps):  # another process was faster
         return
     connection.create_function("renewed_id", 3, renewed, deterministic=True)
     for step in steps[done:]:
@@ -400,9 +401,9 @@ def migrate(connection: sqlite3.Connection, steps: Sequence[Sequence[str]]) -> N
 
 
 def import_run(history: History, path: Path) -> RunResult:
-    """Put an archived run in, by its folder or journal, and return its results.
+    """Add an archived run, by its folder or journal, and return its results.
 
-    Raises JournalError and EventError for what is no run, and HistoryError.
+    Raises JournalError and EventError for a file that is no run, and HistoryError.
     """
     results = journal.results_of(path)
     record_run(history, path, results)
@@ -410,7 +411,7 @@ def import_run(history: History, path: Path) -> RunResult:
 
 
 def record_run(history: History, path: Path, results: RunResult) -> None:
-    """Put a run in that has come to these results; one that has not begun is not put in. Raises as ``import_run``."""
+    """Add a run with these results, unless it has not begun. Raises as ``import_run``."""
     events = journal.as_one_run(path)
     first = next((event for event in events if isinstance(event, RunStarted)), None)  # of one that was resumed, too
     if first is not None:
@@ -481,5 +482,5 @@ def _measurement(event: Measured, subject: str, name: str, repetition: int) -> M
 
 
 def _limit(value: float | None) -> float | None:
-    """A limit at infinity is none."""
+    """Return a limit, or None for one at infinity."""
     return None if value is None or not math.isfinite(value) else float(value)

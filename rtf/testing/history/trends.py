@@ -1,8 +1,8 @@
-"""What the history says over time: pass rates, flaky tests, and measurements that drift.
+"""Trends of the history: pass rates, flaky tests, and measurements that drift.
 
-Everything is computed when it is asked for, from the last runs of one robot on one station. The answer is JSON-able,
-strictly; its shape is that of ``docs/page.md``. Beyond it a run has its ``duration``, and a drift says whether it may
-be ``believed`` and which ``limit`` it would reach ``after`` how many runs.
+Everything is computed on request, from the last runs of one robot on one station. The result is strict JSON in the
+shape of ``docs/page.md``. In addition a run has its ``duration``, and a drift has whether it may be ``believed``, and
+which ``limit`` it would reach ``after`` how many runs.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _AHEAD = 10
 _MOST_POINTS = 20
 
 _GOOD = frozenset(verdict.value for verdict in Verdict if verdict.good and verdict.ran)
-#: What ended like this was not judged, or by nobody but the person who stopped it.
+#: A test with one of these verdicts was not judged, or was stopped by a person.
 _UNJUDGED = frozenset(verdict.value for verdict in Verdict if not verdict.ran) | {Verdict.INTERRUPTED.value}
 
 Point = tuple[int, float | None, float | None, float | None, str]
@@ -79,7 +79,7 @@ def trends(
 
 
 def _of_the_newest(history: History, robot: str | None, station: str | None) -> tuple[str, str]:
-    """What is not given is that of the newest run which the other allows."""
+    """Return robot and station; one that is not given is that of the newest run which the other allows."""
     wanted = "*" if robot is None else robot, "*" if station is None else station
     runs = history.runs(*wanted) if robot is None or station is None else []
     if not runs:
@@ -135,12 +135,12 @@ def _test(verdicts: list[str | None]) -> dict[str, Any]:
 
 
 def _alternates(judged: list[bool]) -> bool:
-    """Whether it went from one to the other and back: a defect that came, or was fixed, changes it once."""
+    """Return whether a test changed between good and bad more than once; a defect that came, or went, does it once."""
     return sum(before is not after for before, after in itertools.pairwise(judged)) > 1
 
 
 def _rate(judged: list[bool]) -> list[float]:
-    """How often it was good, with the 95 % interval; 0 with nothing known, (0, 1), where nothing was judged."""
+    """Return the rate of good verdicts, with its 95 % interval; 0 within (0, 1) if nothing was judged."""
     rate = sum(judged) / len(judged) if judged else 0.0
     return [rate, *wilson_interval(sum(judged), len(judged))]
 
@@ -187,7 +187,7 @@ def _thinned(points: list[Point]) -> list[Point]:
 
 
 def _drift(points: list[Point], unit: str) -> dict[str, Any] | None:
-    """How the middle value of a run changes from run to run; none where too few runs have one."""
+    """Return how a run's middle value changes from run to run; None if too few runs have one."""
     values = [middle for middle in middles(points).values() if math.isfinite(middle)]
     if len(values) < _FEWEST:
         return None
@@ -202,7 +202,7 @@ def _drift(points: list[Point], unit: str) -> dict[str, Any] | None:
 
 
 def _reaches(values: list[float], slope: float, *, low: float | None, high: float | None) -> dict[str, Any]:
-    """The limit that the line goes to, and the runs until it is there; nothing where that is too far to tell."""
+    """Return the limit that the line leads to, and the runs until then; nothing if that is too far to tell."""
     limit = high if slope > 0 else low
     if limit is None:
         return {}
@@ -217,7 +217,7 @@ def _reaches(values: list[float], slope: float, *, low: float | None, high: floa
 
 
 def theil_sen(values: Sequence[float]) -> float:
-    """The slope a step of finite values that follow each other: the median over all pairs (P. K. Sen, 1968).
+    """Return the slope per step of consecutive finite values: the median over all pairs (P. K. Sen, 1968).
 
     Up to 29 % of the values may be outliers without the slope following them. It is 0 for fewer than two values.
     """
@@ -231,7 +231,7 @@ def theil_sen(values: Sequence[float]) -> float:
 
 
 def mann_kendall(values: Sequence[float]) -> float:
-    """How likely it is that finite values without a trend rise or fall together as much as these: a two-sided p value.
+    """Return the two-sided p value of a trend: how likely trendless finite values rise or fall as much as these.
 
     The normal approximation with ties and continuity correction (H. B. Mann, 1945; M. G. Kendall, Rank Correlation
     Methods, 1975, chapter 4), which is good from ten values on. The values must not depend on each other.
@@ -249,7 +249,7 @@ def mann_kendall(values: Sequence[float]) -> float:
 
 
 def _pairs(values: Sequence[float]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """How far apart the members of each pair stand, and by how much the later is larger; infinite if too large."""
+    """Return for each pair of values their distance in steps and their difference; infinite if that is too large."""
     import numpy as np
 
     row = np.asarray(values, dtype=float)
@@ -263,7 +263,7 @@ def _spread(count: int) -> int:
 
 
 def discovery_limit(p_values: Iterable[float], rate: float = 0.05) -> float:
-    """The largest of many p values that may be believed, if at most this share of what is believed may be chance.
+    """Return the largest p value that may be believed if at most this share of the believed ones may be chance.
 
     Y. Benjamini and Y. Hochberg, 1995. Of a thousand measurements fifty have a p value below 0.05 by chance alone; this
     keeps them off a list. It is 0 when none may be believed.

@@ -1,1 +1,1 @@
-"""The process is the isolation: the fork server, the process of a test, what it says, and its end."""
+"""Tests are isolated by processes: the fork server, the process of a test, its messages, and its end."""

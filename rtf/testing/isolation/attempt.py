@@ -1,9 +1,9 @@
 """One attempt at a test: a child gets the job, is read, held to its time limits, ended if need be, and judged.
 
-An attempt always ends. When a limit is reached the stacks of all threads are dumped, the test is asked to stop, which
-gives its teardown a chance, and when that does not help its whole process group is killed. The same happens, without
-the dump, when a fixture is lost or an operator stops the run. The outcome is made of what was received, the claim of
-the process, how that ended, and why it was stopped.
+An attempt always ends. When a limit is reached, the stacks of all threads are dumped and the test is asked to stop, so
+that its teardown can run; if it does not stop, its whole process group is killed. The same happens, without the dump,
+when a fixture is lost or an operator stops the run. The outcome follows from the messages, the verdict that the process
+claims, how the process ended, and why it was stopped.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from rtf.testing.isolation.messages import Job
     from rtf.testing.isolation.worker_pool import ForkServerClient
 
-#: How long a test may take to react to being asked to stop.
+#: Seconds that a test may take to react to being asked to stop.
 GRACE = 2.0
-#: How long a process may still take to end when its test is over.
+#: Seconds that a process may take to end when its test is over.
 _LEAVING = 10.0
 _NO_STACKS = "the process did not answer the request for its stacks"
 
@@ -56,7 +56,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """Why an attempt is being ended from outside. ``failures`` is the number of those that were found before."""
+    """Why an attempt is ended from outside. ``failures`` is the number of those that were found before."""
 
     verdict: Verdict
     reason: str
@@ -66,7 +66,7 @@ class Stop:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """What an attempt came to."""
+    """The result of an attempt."""
 
     verdict: Verdict
     reason: str = ""
@@ -76,7 +76,7 @@ class Outcome:
     signal: str = ""
     cpu_time: float = 0.0
     max_rss: int = 0
-    #: Whether nobody knows what it left behind: it was ended from outside, or something went wrong while it undid
+    #: Whether the state that it left is unknown: it was ended from outside, or something went wrong while it undid
     #: what it had done.
     cut_short: bool = False
 
@@ -85,9 +85,9 @@ class Outcome:
 class Attempt:
     """One attempt, in the thread of its suite.
 
-    ``tick`` is called after whatever happened, and says whether and why the attempt must be ended from outside: the
-    suite knows of lost fixtures, interrupts and its own limits. ``next_tick`` is the moment it wants to be asked at
-    the latest. ``take_case`` is called with each case of a program, and says whether it is kept.
+    ``tick`` is called after each event of the reactor, and returns why the attempt must be ended from outside, if it
+    must: the suite knows of lost fixtures, interrupts and its own limits. ``next_tick`` is the latest moment of the
+    next call. ``take_case`` is called with each case of a program, and returns whether it is kept.
     """
 
     job: Job
@@ -111,7 +111,7 @@ class Attempt:
     _dumped: Phase | None = None
 
     def run(self, take: Callable[[], Child] | None = None) -> Outcome:
-        """Carry it out in a fresh process, or in the one that ``take`` gives, and say what it came to."""
+        """Carry out the attempt in a fresh process, or in the one that ``take`` gives, and return its outcome."""
         began = clock.monotonic()
         self._said = Transcript(self.job, self.emit, self._enter, self._finish, self._put, self.take_case)
         try:
@@ -138,11 +138,11 @@ class Attempt:
     def _obtain(self, take: Callable[[], Child]) -> Child:
         try:
             return take()
-        except ForkServerLostError:  # it was lost while nothing ran, which is no concern of the test
+        except ForkServerLostError:  # it was lost while nothing ran, which does not concern the test
             return take()
 
     def _take_fresh(self) -> Child:
-        """A child of its own. The loading of a shared file counts as the loading of this test."""
+        """Return a child of its own. The loading of a shared file counts as the loading of this test."""
         limits = [limit for limit in (self.limits.setup, self.limits.total) if limit is not None]
         return self.fork_server.take(self.job.plugin, self.fixtures, min(limits, default=None))
 
@@ -170,14 +170,14 @@ class Attempt:
                 self._press_on()
 
     def _over(self) -> bool:
-        """Whether the process is gone, or waits for its next job."""
+        """Return whether the process is gone, or waits for its next job."""
         return self._child.end is not None or (self._said.finished is not None and not self.job.last)
 
     def _time_is_up(self) -> bool:
         return self._deadline.expired or self.kill_now()
 
     def _enter(self, phase: Phase) -> float | None:
-        """A phase begins, with its limit; one that undoes what the test did has it also when the test is stopped."""
+        """Begin a phase and return its limit, which a phase that undoes the test's work also has after a stop."""
         limit = self.limits.of(phase)
         undoing = phase in UNDOING_PHASES
         if undoing:
@@ -227,15 +227,15 @@ class Attempt:
         spared = self._said.phase in UNDOING_PHASES and not self._child.cut_off
         if spared and not self._time_is_up():
             self._child.signal(signal.SIGCONT)
-            return  # it is undoing what it did, which is what it would be stopped for; that has its own time
+            return  # it is undoing what it did, as after a stop; that has its own time
         self._child.interrupt(STOP_SIGNAL)
         self._deadline = clock.Deadline.after(self.limits.grace)
         if self.kill_now():
             self._press_on()
 
     def _press_on(self) -> None:
-        """It did not stop: kill it."""
-        if self._dumped not in (None, self._said.phase) and not self.kill_now():  # it hangs in its teardown, too
+        """Kill a test that did not stop, unless its next phase has time left."""
+        if self._dumped not in (None, self._said.phase) and not self.kill_now():  # the teardown hangs, too
             self._dump_stacks()
             if self._over() or not self._time_is_up():
                 return  # meanwhile it has come to the next phase, which has its own time
@@ -273,7 +273,7 @@ class Attempt:
             self.emit(StackDumped(text=stacks, cause=cause, test=self.job.id))
 
     def _error(self, reason: str, detail: str) -> Outcome:
-        """An error, unless a failure was found before: that the thing under test is wrong is never hidden."""
+        """Return an error, or *failed* if a failure was found before: a failure is never hidden."""
         said = self._said
         said.note(Severity.ERROR, reason, detail)
         verdict = Verdict.FAILED if said.failures else Verdict.ERROR
@@ -286,7 +286,7 @@ class Attempt:
         return "the test closed the channel to its runner"
 
     def _claimed(self) -> Outcome:
-        """What is made of the last word of a process that ended well."""
+        """Return the outcome of a process that ended in order, by its messages and then by its claim."""
         said, finished = self._said, self._said.finished
         assert finished is not None
         if said.failures or said.errors:  # what was received counts, whatever the process claims in the end
@@ -309,7 +309,7 @@ class Attempt:
         return Outcome(verdict=stop.verdict, reason=stop.reason, detail=detail)
 
     def _ended_before(self) -> Outcome:
-        """A process that ended before its test was over."""
+        """Return the outcome of a process that ended before its test was over."""
         end = self._child.end
         where = "while loading" if self._said.phase is Phase.LOAD else f"in {self._said.phase}()"
         if end is None or end.status is None:
@@ -325,14 +325,14 @@ class Attempt:
 
 
 def _remaining(limit: float | None, used: float) -> clock.Deadline:
-    """What remains of a time limit. The deadline names the limit as a whole."""
+    """Return the deadline for what remains of a time limit. The deadline names the limit as a whole."""
     if limit is None:
         return clock.Deadline()
     return clock.Deadline(clock.monotonic() + max(0.0, limit - used), limit)
 
 
 def run_in_process(job: Job, emit: Callable[[Event], None], take_case: Callable[[Case], object]) -> Outcome:
-    """Run one attempt inside the runner, for a debugger's sake; nothing can end a test that hangs.
+    """Run one attempt inside the runner, for a debugger; a test that hangs cannot be ended.
 
     Limits, memory and questions do not apply.
     """

@@ -1,4 +1,4 @@
-"""What a process writes, bounded: its beginning and its end are kept, the middle is counted.
+"""The bounded output of a process: its beginning and its end are kept, the middle is counted.
 
 Used in the thread that reads the process, one object a process.
 """
@@ -51,14 +51,14 @@ class _Stream:
         return self._take(cut)
 
     def trim(self) -> None:
-        """Forget, and count, what can be neither beginning nor end."""
+        """Drop, and count, the bytes that can be neither beginning nor end."""
         surplus = len(self.pending) - TAIL_LIMIT
         if surplus > TAIL_LIMIT:  # small ones are cut when the end is handed on
             del self.pending[:surplus]
             self.omitted += surplus
 
     def take_rest(self) -> tuple[bytes, int]:
-        """Take all that is left, from the beginning of a line after a gap, and the number of bytes left out."""
+        """Return all that is left, from the beginning of a line after a gap, and the number of bytes left out."""
         start = max(0, len(self.pending) - TAIL_LIMIT) if self.flooded else 0
         if self.omitted or start:
             line = self.pending.find(b"\n", start) + 1
@@ -114,7 +114,7 @@ class Capture:
 
 
 class Tail:
-    """The last lines that a process wrote, of all its streams together, for the report of its end."""
+    """The last lines that a process wrote to any of its streams, for the report of its end."""
 
     def __init__(self, *, lines: int = 40, width: int = 2000) -> None:
         self._lines: deque[bytes] = deque(maxlen=lines)
@@ -130,13 +130,13 @@ class Tail:
             self._begun[stream] = (self._begun.get(stream, b"") + rest[: self._width])[: self._width]
 
     def text(self) -> str:
-        """The lines, with those that have not been ended yet last."""
+        """Return the lines, with the unfinished ones last."""
         lines = [*self._lines, *self._begun.values()]
         return "\n".join(line.decode("utf-8", "backslashreplace").rstrip("\r") for line in lines)
 
 
 def boundary(data: bytes | bytearray, at: int) -> int:
-    """The nearest place at or before ``at`` where text may be cut without cutting a UTF-8 character."""
+    """Return the nearest place at or before ``at`` where text may be cut without cutting a UTF-8 character."""
     decoder = codecs.getincrementaldecoder("utf-8")("backslashreplace")
     decoder.decode(bytes(data[max(0, at - _CHARACTER) : at]))
     begun, _ = decoder.getstate()

@@ -60,7 +60,7 @@ class End:
 
 
 class Child:
-    """A forked process of ours, from the moment it is asked for to the moment nothing of it is left."""
+    """A forked process of ours, from the request for it until nothing of it is left."""
 
     def __init__(self, pool: WorkerPool) -> None:
         self.pid = 0  # until it is forked
@@ -68,9 +68,9 @@ class Child:
         self.channel_closed = False
         #: Whether it lives on without a channel: one that dies closes it a moment before its end is known.
         self.cut_off = False
-        #: Whether it has written what is no message; nothing can be understood after that.
+        #: Whether it has written bytes that are no message; nothing can be decoded after that.
         self.garbled = False
-        #: The tests that it has done, where it does several.
+        #: The tests that it has done, if it does several.
         self.done: set[str] = set()
         self.on_end: Callable[[], None] | None = None
         self._on_message: Callable[[bytes], None] | None = None
@@ -113,7 +113,7 @@ class Child:
             self._reactor.watch(descriptor, lambda name=name: self._read_output(name))  # type: ignore[misc]
 
     def serve_plugin(self, job: Job, on_output: Callable[[str, bytes], None]) -> socket.socket:
-        """Have the child be a plug-in server; returns the socket on which it takes requests."""
+        """Make the child a plug-in server; returns the socket on which it takes requests."""
         self.send(job)
         self._on_output = on_output
         self.channel_closed = True  # it is the server's now
@@ -122,7 +122,7 @@ class Child:
         return socket.socket(fileno=self._channel)
 
     def send(self, message: msgspec.Struct) -> None:
-        """Send a message to the child; nothing happens when it is gone, which is noticed by its end."""
+        """Send a message to the child. If the child is gone, nothing happens; the reactor reports its end."""
         view = memoryview(messages.pack(message))
         while view and not self.channel_closed:
             try:
@@ -134,7 +134,7 @@ class Child:
                 return
 
     def mark_as_host(self) -> None:
-        """Tell the fork server that this child tears something down, and is to be given time for it."""
+        """Tell the fork server that this child tears a fixture down, and needs time for it."""
         self._pool.request(messages.MarkHost(self.pid))
 
     # Being stopped -----------------------------------------------------------------------------------------------
@@ -145,7 +145,7 @@ class Child:
         self._pool.request(SendSignal(self.pid, signum, group))
 
     def interrupt(self, signum: int) -> None:
-        """Ask the child with a signal to leave what it is doing, and nudge it until :meth:`stop_nudging` or its end."""
+        """Send the child a signal to leave its current step, and nudge it until :meth:`stop_nudging` or its end."""
         self.signal(signal.SIGCONT)
         self.signal(signum)
         self._call_later(NUDGE_PERIOD, self._nudge)
@@ -155,11 +155,11 @@ class Child:
         self._call_later(NUDGE_PERIOD, self._nudge)
 
     def stop_nudging(self) -> None:
-        """Take note that the child has left what it was doing."""
+        """Stop nudging, because the child has left its step."""
         self._reactor.cancel(self._nudge)
 
     def kill(self) -> None:
-        """Kill the child and its process group; if that shows no effect in time, the fork server with all it has."""
+        """Kill the child and its process group; if it does not end in time, kill the fork server with all children."""
         self.stop_nudging()
         self.signal(signal.SIGKILL, group=True)
         self._call_later(_VANISH, self._give_up)
@@ -178,11 +178,11 @@ class Child:
             self._reactor.run_once(clock.Deadline())
 
     def dump_stacks(self) -> str:
-        """Have a child that takes too long write its stacks, and wait for them; returns its state in the kernel before.
+        """Make a child that takes too long write its stacks; returns its state in the kernel before.
 
-        A stopped child is woken. It is waited for a second at most, should it not answer. Nothing else may be asked of
-        it meanwhile: the dump reads the frames of threads that go on, and a thread that leaves its frames at that
-        moment, because it was told to stop, takes the process with it.
+        A stopped child is woken. The wait is a second at most. Nothing else may be asked of the child meanwhile: the
+        dump reads the frames of running threads, and a thread that leaves its frames at that moment, because it was
+        told to stop, crashes the process.
         """
         state = processes.kernel_state(self.pid)
         self.signal(signal.SIGCONT)
@@ -201,7 +201,7 @@ class Child:
         return state
 
     def new_stacks(self) -> str:
-        """What was written of its stacks since the last call, by a crash, too; at most 256 KiB of each dump."""
+        """Return the stacks written since the last call, also by a crash; at most 256 KiB of each dump."""
         self._read_stacks()
         data, self._stacks_unread = self._stacks_unread, b""
         return data.decode("utf-8", "backslashreplace")
@@ -216,12 +216,12 @@ class Child:
     # Reading -----------------------------------------------------------------------------------------------------
 
     def drain(self) -> None:
-        """Take in what has been written so far."""
+        """Read the output that has been written so far."""
         for name in [*self._streams]:
             self._read_output(name)
 
     def ended(self, end: End) -> None:
-        """Take note of the end and of all that was still under way. Called by the pool."""
+        """Record the end, and read what was still under way. Called by the pool."""
         self._read_channel()
         for name in [*self._streams]:
             self._read_output(name, chunks=_LAST_CHUNKS)

@@ -13,7 +13,7 @@ from rtf.testing.verdict import Inconclusive, SkipTest
 
 
 def take_terminal(path: str) -> None:
-    """Have input and output of this process at a terminal; its output is not recorded then."""
+    """Connect input and output of this process to a terminal; its output is not recorded then."""
     terminal = os.open(path, os.O_RDWR | os.O_NOCTTY)
     for descriptor in (0, 1, 2):
         os.dup2(terminal, descriptor)
@@ -24,7 +24,7 @@ def take_terminal(path: str) -> None:
 
 
 def examine(error: Exception) -> None:
-    """Open the debugger where an exception was raised, in the author's code as far as it is in any."""
+    """Open the debugger where an exception was raised, in the author's code if the traceback has any."""
     if isinstance(error, SkipTest | Inconclusive | BdbQuit):
         return
     sys.stderr.write(f"{type(error).__name__}: {error}\nThe debugger is where it was raised; 'c' goes on.\n")
@@ -32,7 +32,7 @@ def examine(error: Exception) -> None:
 
 
 def _to_author(trace: TracebackType | None) -> TracebackType | None:
-    """The traceback up to the last frame that is not the framework's own."""
+    """Return the traceback up to the last frame that is not RTF's own."""
     steps = []
     while trace is not None:
         steps.append(trace)

@@ -57,7 +57,7 @@ _CHILDREN_SIZE = 1 << 16
 
 
 class ForkServer:
-    """The process's one loop: requests from the runner, and ends of children."""
+    """The main loop of the process: it takes requests from the runner, and ends of children."""
 
     def __init__(self, control: socket.socket, keeper: int = 0) -> None:
         self._control = control
@@ -81,7 +81,7 @@ class ForkServer:
             ready = [descriptor for descriptor, _ in self._poll.poll()]
             for descriptor in ready:
                 if descriptor in self._pids:
-                    self._reap(self._pids[descriptor])  # before anything else: the run waits for this
+                    self._reap(self._pids[descriptor])  # first: the run waits for this
             if self._keeper in ready or (control in ready and not self._receive()):
                 break
         self._shut_down()
@@ -134,7 +134,7 @@ class ForkServer:
         self._send(Forked(pid))
 
     def _reap(self, pid: int) -> None:
-        """Take note of an end, and report it once nothing is left of what the dead child started."""
+        """Record the end of a child, and report it once nothing is left of what the child started."""
         status, cpu_time, max_rss = processes.reap(pid)
         pidfd = self._pidfds.pop(pid)
         del self._pids[pidfd]
@@ -178,7 +178,7 @@ class ForkServer:
                 self._end_orphans()
 
     def _end_host(self, host: int) -> None:
-        """Have a fixture come down, in its time: what depends on it is down. One that does not is killed."""
+        """Tear a fixture down, whose dependents are down, and kill it if it exceeds its time."""
         left, securing = ORPHAN_GRACE, SAFE_STATE_LIMIT
         processes.signal_process(host, signal.SIGCONT)
         processes.signal_process(host, signal.SIGTERM)
@@ -206,7 +206,7 @@ class ForkServer:
 
 
 def main(keeper: int) -> NoReturn:
-    """Be the fork server of a runner."""
+    """Run the fork server of a runner."""
     os.set_inheritable(CHANNEL_FD, False)
     os.set_inheritable(DUMP_FD, False)
     processes.adopt_orphans()
@@ -218,7 +218,7 @@ def main(keeper: int) -> NoReturn:
 
 
 def _preload(control: socket.socket, names: tuple[str, ...]) -> None:
-    """Load modules that the suites' tests need once here instead of in each test, and report those that cannot be."""
+    """Import the modules of the suites here, once instead of in each test, and report those that cannot be."""
     problems = []
     with _one_thread():
         for name in names:
@@ -231,7 +231,7 @@ def _preload(control: socket.socket, names: tuple[str, ...]) -> None:
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """Have the library behind numpy start no threads in the block: a fork would be without them."""
+    """Keep the library behind numpy from starting threads in the block, which a fork would lack."""
     name = "OPENBLAS_NUM_THREADS"
     if name in os.environ:
         yield
@@ -268,7 +268,7 @@ def serve_plugin(plugin: PluginRef) -> int:
 
 
 def _state() -> dict[str, Any]:
-    """What a process has that its forks would share, or would not get."""
+    """Return what a process has that its forks would share, or would not get."""
     with open("/proc/self/maps", encoding="utf-8") as stream:  # noqa: PTH123
         shared = [line for line in stream if line.split()[1].endswith("s")]
     return {
@@ -284,10 +284,10 @@ def _state() -> dict[str, Any]:
 
 
 def _random_state() -> object:
-    """The state of Python's random numbers, and that of numpy's where they were seeded or drawn from.
+    """Return the state of Python's random numbers, and that of numpy's if they were seeded or drawn from.
 
-    A seed that nobody has chosen leaves numpy's generator (MT19937, ``init_by_array``) with 2**31 in the first word
-    of its state, and at the end of it.
+    A seed that was not chosen leaves numpy's generator (MT19937, ``init_by_array``) with 2**31 in the first word of its
+    state, and at the end of it.
     """
     import random
 
@@ -301,7 +301,7 @@ def _random_state() -> object:
 
 
 def unfit_because(before: dict[str, Any], after: dict[str, Any]) -> str:
-    """Why tests must not be forked from a process whose state was changed by loading a file; empty if they may.
+    """Return why tests must not be forked from a process whose state a file's loading has changed; empty if they may.
 
     A thread would be missing in the fork, and so would a timer; a child process, an open file or socket (with its
     position) and shared memory would be the same one in each test; a chosen seed would be lost.

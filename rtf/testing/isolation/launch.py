@@ -1,7 +1,7 @@
 """Starts the processes of a fork server. The command line does this first and loads the rest meanwhile.
 
-Two processes are started. The keeper loads nothing and runs no author's code: as a subreaper it ends whatever is left
-when the fork server, its child, has ended or was killed. So the process that launches is changed in no way.
+Two processes are started. The keeper loads nothing and runs no author's code: as a subreaper it ends all processes that
+are left when its child, the fork server, has ended or was killed. So the process that launches is changed in no way.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Launched:
     control: socket.socket
 
     def resume(self) -> None:
-        """Let its processes go on, should somebody have stopped one."""
+        """Continue the processes, in case they were stopped by a signal."""
         for pid in (self.keeper, *processes.children_of(self.keeper)):
             processes.signal_process(pid, signal.SIGCONT)
 
@@ -62,7 +62,7 @@ def launch() -> Launched:
 
 
 def main() -> NoReturn:
-    """Be the keeper, and have a child be the fork server: what the interpreter that :func:`launch` starts does."""
+    """Run the keeper, with a child that is the fork server: the program that :func:`launch` starts."""
     processes.adopt_orphans()
     keeper = os.getpid()
     pid = os.fork()

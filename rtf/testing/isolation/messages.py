@@ -1,7 +1,7 @@
 """The messages between a runner, its fork servers and the processes that these fork.
 
-A message is a :class:`msgspec.Struct`, written as msgpack behind its length in bytes. What a test says are events, as
-in the journal. Signals stop a test and have it write its stacks.
+A message is a :class:`msgspec.Struct`, written as msgpack behind its length in bytes. A test sends events, as in the
+journal. Signals stop a test and have it write its stacks.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ NUDGE_PERIOD = 0.1
 SAFE_STATE_LIMIT = 45.0
 #: Seconds that all fixtures together have to come down after SIGTERM or SIGHUP, unless one declares that it needs more.
 STOP_LIMIT = 4.0
-#: What a fixture's process calls itself meanwhile (at most 15 bytes), so that its fork server knows without the runner.
+#: The name of a fixture's process meanwhile (at most 15 bytes), which tells its fork server without the runner.
 SAFE_STATE_NAME = "rtf safe state"
 
 #: The exit status of a process of ours that cannot reach its runner any more.
@@ -45,7 +45,7 @@ CUT_OFF = 71
 #: No case of a program takes longer, in seconds; a program may write anything.
 LONGEST_CASE = 1e9
 
-#: A longer message is none of ours.
+#: A longer message is not valid.
 MESSAGE_LIMIT = 32 << 20
 
 
@@ -103,7 +103,7 @@ class Exited(Message, frozen=True):
 
 
 class Loaded(Message, frozen=True):
-    """Modules, or the file of a plug-in server, are loaded; ``problems`` says what could not be."""
+    """Modules, or the file of a plug-in server, are loaded; ``problems`` has the reasons of those that could not be."""
 
     problems: tuple[str, ...] = ()
 
@@ -112,7 +112,7 @@ class Loaded(Message, frozen=True):
 
 
 class Use(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
-    """What a plug-in is given: the arguments of :meth:`~rtf.testing.parameters.Declared.resolve_parameters`."""
+    """The values for a plug-in: the arguments of :meth:`~rtf.testing.parameters.Declared.resolve_parameters`."""
 
     param: str = ""
     parameters: tuple[tuple[str, str], ...] = ()
@@ -123,7 +123,7 @@ class Use(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
 
     @classmethod
     def of(cls, entry: TestEntry | FixtureEntry, overrides: Iterable[tuple[str, str]] = ()) -> Use:
-        """What an entry of a suite gives to its plug-in."""
+        """Return the use of an entry of a suite."""
         file = entry.location.file
         return cls(
             param=entry.param,
@@ -173,7 +173,7 @@ class Inspect(Message, frozen=True):
 
 
 class Answer(Message, frozen=True):
-    """What the operator answered to a test's question, and who or what answered for them."""
+    """The answer to a test's question, and its source."""
 
     question: str
     answer: str | None
@@ -181,7 +181,7 @@ class Answer(Message, frozen=True):
 
 
 class Command(Message, frozen=True):
-    """What a fixture's process is to do: ``check``, ``enter_safe_state`` or ``teardown``; ``detail`` is its reason."""
+    """An order to a fixture's process: ``check``, ``enter_safe_state`` or ``teardown``; ``detail`` is its reason."""
 
     command: str
     detail: str = ""
@@ -191,7 +191,7 @@ class Command(Message, frozen=True):
 
 
 class Finished(msgspec.Struct, frozen=True, tag_field="event", tag="finished"):
-    """The test is over; what it came to, as its process claims."""
+    """The test is over; its result, as its process claims."""
 
     outcome: str
     reason: str = ""
@@ -200,7 +200,7 @@ class Finished(msgspec.Struct, frozen=True, tag_field="event", tag="finished"):
 
 
 class Case(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, tag_field="event", tag="case"):
-    """One case of the program that ``test`` runs, when it is over: the runner makes a test of its own of it.
+    """One case of the program that ``test`` runs, when it is over; the runner makes a test of it.
 
     No two cases of one run of a program have one name. ``subject`` names the repetition. ``detail`` is the sentence for
     people, ``duration`` in seconds as far as the program reports it, ``file`` and ``line`` are those of the case.
@@ -219,7 +219,7 @@ class Case(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, tag_fi
 
 
 class Found(msgspec.Struct, frozen=True, tag_field="event", tag="found"):
-    """What an inspection has found, see ``inspection``."""
+    """The result of an inspection, see ``inspection``."""
 
     inspections: list[Any]
 
@@ -234,14 +234,14 @@ class Doing(msgspec.Struct, frozen=True, tag_field="event", tag="doing"):
 
 
 class Provided(msgspec.Struct, frozen=True, tag_field="event", tag="provided"):
-    """What this generation hands to the tests on it: variables of their environment, and values by key."""
+    """The variables and, by key, the values that this generation provides for the tests on it."""
 
     variables: dict[str, str] = {}
     values: dict[str, Any] = {}
 
 
 class Ready(msgspec.Struct, frozen=True, tag_field="event", tag="ready"):
-    """It is set up. It may put a robot back, or the like; its ``stop_limit`` is in seconds."""
+    """The fixture is set up. It may restore something, such as a robot; its ``stop_limit`` is in seconds."""
 
     secures_robot: bool
     stop_limit: float
@@ -254,7 +254,7 @@ class Alive(msgspec.Struct, frozen=True, tag_field="event", tag="alive"):
 
 
 class Lost(msgspec.Struct, frozen=True, tag_field="event", tag="lost"):
-    """It is not usable any more; ``hopeless`` says that another try would come to the same."""
+    """The fixture is not usable any more; ``hopeless`` says that another try would not help."""
 
     incident: FixtureIncident
     hopeless: bool = False
@@ -301,7 +301,7 @@ class Frames:
         self._buffer = b""
 
     def feed(self, data: bytes) -> Iterator[bytes]:
-        """Add what was read; gives each message that is whole now, without its length. Raises MessageError."""
+        """Add what was read; yields each message that is complete now, without its length. Raises MessageError."""
         buffer = self._buffer + data if self._buffer else data
         position, size = 0, len(buffer)
         try:

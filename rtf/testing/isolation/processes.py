@@ -40,7 +40,7 @@ def adopt_orphans() -> None:
 
 @contextlib.contextmanager
 def named(name: str) -> Iterator[None]:
-    """Have this process go by a name in the block, which others find with :func:`name_of`."""
+    """Rename this process in the block; other processes read the name with :func:`name_of`."""
     before = name_of(os.getpid())
     _name_this(name)
     try:
@@ -55,7 +55,7 @@ def _name_this(name: str) -> None:
 
 
 def name_of(pid: int) -> str:
-    """What the kernel calls a process, 15 bytes at most; empty when it is gone."""
+    """Return the kernel's name of a process, 15 bytes at most; empty when it is gone."""
     try:
         with open(f"/proc/{pid}/comm", encoding="utf-8", errors="replace") as stream:  # noqa: PTH123
             return stream.read().rstrip("\n")
@@ -64,7 +64,7 @@ def name_of(pid: int) -> str:
 
 
 def reap(pid: int) -> tuple[int, float, int]:
-    """Take note of a child that has ended: its wait status, its CPU time in seconds, its peak memory in bytes."""
+    """Reap a child that has ended: its wait status, its CPU time in seconds, its peak memory in bytes."""
     _, status, usage = os.wait4(pid, 0)
     return status, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024
 
@@ -154,7 +154,7 @@ def signal_name(number: int) -> str:
 
 
 def split_status(wait_status: int) -> tuple[int | None, str]:
-    """Exit status and signal name of a status from ``wait``: exactly one of the two says something."""
+    """Return exit status and signal name of a status from ``wait``; one of the two is empty."""
     if os.WIFSIGNALED(wait_status):
         return None, signal_name(os.WTERMSIG(wait_status))
     return os.WEXITSTATUS(wait_status), ""
@@ -166,23 +166,23 @@ def describe_end(exit_status: int | None, signal_text: str) -> str:
 
 
 def limit_memory(limit: int) -> None:
-    """Let allocations of this process fail beyond ``limit`` bytes of private memory, for the machine's sake."""
+    """Make allocations of this process fail beyond ``limit`` bytes of private memory, to protect the machine."""
     resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
 
 
 def no_core_dumps() -> None:
-    """Do not write core files: a run may contain a hundred crashes. Programs of tests may where that was asked for."""
+    """Write no core files, because a run may contain a hundred crashes; programs of tests may write them on request."""
     resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
 
 
 def prefer_for_oom_kill() -> None:
-    """Make this process and its children the ones that go first when the machine runs out of memory."""
+    """Make the kernel kill this process and its children first when the machine runs out of memory."""
     with contextlib.suppress(OSError), open("/proc/self/oom_score_adj", "w") as stream:  # noqa: PTH123
         stream.write("500")
 
 
 def kernel_state(pid: int) -> str:
-    """What the kernel says of a process that cannot speak for itself: its state and where it waits."""
+    """Return a process's state in the kernel and where it waits, for a process that cannot report itself."""
     lines = []
     for name in ("status", "wchan", "syscall"):
         with contextlib.suppress(OSError), open(f"/proc/{pid}/{name}") as stream:  # noqa: PTH123

@@ -1,7 +1,7 @@
-"""What the process of a test says: each message is decoded, checked, counted and emitted.
+"""The messages of a test's process: each is decoded, checked, counted and emitted.
 
-The process runs an author's code and is not to be trusted: it may say nonsense, speak for other tests, begin a phase
-again to have its time again, or say too much. Each of these becomes an event, and none stops the run.
+The process runs an author's code and is not trusted: it may send nonsense, send messages of other tests, begin a phase
+again to have its time again, or send too much. Each of these becomes an event, and none stops the run.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ if TYPE_CHECKING:
 
     from rtf.testing.isolation.messages import Job
 
-#: Beyond this many bytes of events, what only informs is counted and not kept; beyond twice as many, failures too.
+#: Beyond this many bytes of events, those that only inform are counted, not kept; beyond twice as many, failures too.
 EVENT_BYTES = 64 << 20
 #: So many protocol errors are reported, and as many late events; the rest are counted. So much is quoted of each.
 _REPORTED = 20
 _QUOTED = 300
 _ORDER = (Phase.LOAD, Phase.SETUP, Phase.RUN, Phase.TEARDOWN, Phase.CLEANUP)
 
-#: What a test may say; anything else on its channel is an error of the test.
+#: The events that a test may send; anything else on its channel is an error of the test.
 _ALLOWED = (
     Message,
     Measured,
@@ -64,11 +64,11 @@ _ALLOWED = (
 
 @dataclass(slots=True)
 class Transcript:
-    """What one attempt has said so far.
+    """The messages of one attempt so far.
 
     ``enter`` is called with each phase that begins and returns its limit in seconds; ``finish`` is called at the last
-    word; ``ask`` takes a question to the operator; ``take_case`` keeps a case of a program, and returns False if there
-    are too many. ``earlier`` are the tests that ran in the same process before.
+    message; ``ask`` takes a question to the operator; ``take_case`` keeps a case of a program, and returns False if
+    there are too many. ``earlier`` are the tests that ran in the same process before.
     """
 
     job: Job
@@ -96,7 +96,7 @@ class Transcript:
         self._capture = Capture(self._written)
 
     def write(self, stream: str, data: bytes) -> None:
-        """Take what the process wrote into one of its streams."""
+        """Take output of the process on one of its streams."""
         self._capture.feed(stream, data)
 
     def take(self, data: bytes) -> None:
@@ -122,7 +122,7 @@ class Transcript:
             self._take_event(message, len(data))
 
     def note(self, severity: Severity, title: str, detail: str) -> None:
-        """Say something in the name of the test; an error counts."""
+        """Emit a message in the name of the test, and count an error."""
         event = Message(severity=severity, title=title, detail=detail, test=self.job.id, phase=self.phase)
         if severity is Severity.ERROR:
             self.errors += 1
@@ -130,7 +130,7 @@ class Transcript:
         self.emit(event)
 
     def close(self) -> None:
-        """Hand on what was held back, and say how much was left out."""
+        """Hand on what was held back, and report how much was left out."""
         self._capture.close()
         if self._left_out:
             self.note(Severity.WARNING, "journal", f"{self._left_out} events left out: the test said too much")
@@ -155,7 +155,7 @@ class Transcript:
             self.first = self.first or (f"{case.name}: {case.detail}" if bad else "")
 
     def _report_late(self, event: Event | Case, test: str) -> None:
-        """A thread of an earlier test lives on in the process that this test shares with it."""
+        """Report an event from a thread of an earlier test in the same process."""
         self._late += 1
         if self._late > _REPORTED:
             self._left_out += 1
@@ -181,7 +181,7 @@ class Transcript:
         self.emit(event)
 
     def _weigh(self, event: Event) -> bool:
-        """Count a failure or an error, whether it is kept or not; says whether it is one."""
+        """Count a failure or an error, whether it is kept or not; returns whether it is one."""
         if isinstance(event, Message) and event.severity in (Severity.FAILURE, Severity.ERROR):
             self.failures += event.severity is Severity.FAILURE
             self.errors += event.severity is Severity.ERROR
@@ -195,7 +195,7 @@ class Transcript:
         return True
 
     def _comes_next(self, event: PhaseStarted) -> bool:
-        """Whether this phase may begin now: each begins once and has one limit, so that no test outlives its limits."""
+        """Return whether this phase may begin. Each begins once with one limit, so that no test outlives its limits."""
         if event.phase is Phase.RUN and self.phase is Phase.RUN:
             return self._repetition < event.repetition <= self.job.repetition + 1
         return _ORDER.index(event.phase) > _ORDER.index(self.phase) if event.phase in _ORDER else False

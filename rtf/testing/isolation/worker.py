@@ -1,7 +1,8 @@
 """The process in which one test runs. It sends events and nothing else.
 
-A worker is forked from the fork server or from a plug-in server, waits for a job on its socket, does it, says that it
-is finished and ends. What it says last is only a claim: the verdict is the runner's, which also knows how it ended.
+A worker is forked from the fork server or from a plug-in server, waits for a job on its socket, does it, reports that
+it is finished and ends. The result that it reports is only a claim: the runner decides the verdict, because it also
+knows how the process ended.
 """
 
 from __future__ import annotations
@@ -86,14 +87,14 @@ def _on_stop(_signum: int, _frame: FrameType | None) -> None:
 
 
 def _on_nudge(_signum: int, _frame: FrameType | None) -> None:
-    """Nothing: to be woken is all, see ``NUDGE_SIGNAL``."""
+    """Do nothing: the signal only wakes the process, see ``NUDGE_SIGNAL``."""
 
 
 class Channel:
     """A child's end of the socket to its runner. Any thread may send; one receives."""
 
     def __init__(self, descriptor: int) -> None:
-        #: What to do when the runner is gone: for a test, to end; a fixture still has something to tear down.
+        #: Called when the runner is gone: a test ends; a fixture still has something to tear down.
         self.on_lost: Callable[[], object] = _end_without_runner
         self._descriptor = descriptor
         self._frames = Frames()
@@ -113,7 +114,7 @@ class Channel:
             self.on_lost()
 
     def receive(self, timeout: float | None = None) -> Job | Inspect | Answer | Command | None:
-        """Wait for one message; None when none came in ``timeout`` seconds (None: for ever), or without a runner."""
+        """Return one message; None if none came in ``timeout`` seconds (None: for ever), or if the runner is gone."""
         while not self._received:
             if timeout is not None and not select.select([self._descriptor], [], [], timeout)[0]:
                 return None
@@ -128,7 +129,7 @@ class Channel:
         return self._received.popleft()
 
     def receive_answer(self, timeout: float) -> tuple[str, str | None, str] | None:
-        """Wait for the answer to a question: its id, the answer, and who gave it."""
+        """Return the answer to a question: its id, the answer, and its source."""
         received = self.receive(timeout)
         return (received.question, received.answer, received.source) if isinstance(received, Answer) else None
 
@@ -138,7 +139,7 @@ def _end_without_runner() -> NoReturn:
 
 
 def child_main(channel_fd: int, out_fd: int, err_fd: int, dump_fd: int) -> int:
-    """Live as a worker: tie this fresh fork to its parent, then do jobs until the last. Returns the exit status."""
+    """Run as a worker: tie this fresh fork to its parent, then do jobs until the last. Returns the exit status."""
     os.setpgid(0, 0)
     processes.die_with_parent()
     processes.adopt_orphans()
@@ -174,7 +175,7 @@ def child_main(channel_fd: int, out_fd: int, err_fd: int, dump_fd: int) -> int:
 
 
 def _seed_anew() -> None:
-    """Have random numbers of its own; Python's are seeded by ``os.fork``, those of numpy, where it is loaded, here."""
+    """Seed numpy's random numbers, if numpy is loaded; ``os.fork`` has seeded Python's."""
     numpy_random = sys.modules.get("numpy.random")
     if numpy_random is not None:
         numpy_random.seed()
@@ -217,7 +218,7 @@ def load_plugin(ref: PluginRef) -> None:
 
 
 def run_test(job: Job, session: Session) -> Finished:
-    """Carry out one attempt at a test and say what it came to."""
+    """Carry out one attempt at a test and return its result."""
     made: list[TestCase] = []
     _step(session, Phase.LOAD, lambda: made.append(_load(job, session)))
     if made and not session.tally.errors:
@@ -314,7 +315,7 @@ def _report_repetitions(session: Session, passed: int, durations: list[float]) -
 
 
 def _step(session: Session, phase: Phase, function: Callable[[], object], *, announce: bool = False) -> bool:
-    """Run one piece of author's code; whatever leaves it becomes data. Returns whether it came to its end."""
+    """Run one piece of author's code; each exception becomes data. Returns whether the code came to its end."""
     if session.stopped and phase in (Phase.SETUP, Phase.RUN):
         return False
     if announce:

@@ -1,4 +1,4 @@
-"""The runner's side of the fork server: it is started here, and each child is taken from here.
+"""The runner's side of the fork server: it starts the fork server and takes children from it.
 
 Tests of a file that has several come from a *plug-in server*, a child that has the file loaded; see ``fork_server``.
 """
@@ -39,7 +39,7 @@ class ForkServerLostError(TestingError, ConnectionError):
 
 
 class LoadTimeoutError(TestingError, TimeoutError):
-    """The file that several tests share was not loaded within the time of the first; ``stacks`` says where it was."""
+    """The file that several tests share was not loaded within the first test's time; ``stacks`` are from then."""
 
     def __init__(self, text: str, stacks: str) -> None:
         super().__init__(text)
@@ -47,7 +47,7 @@ class LoadTimeoutError(TestingError, TimeoutError):
 
 
 class Reactor:
-    """The one wait of a suite worker: for whatever happens first among its files and its deadline.
+    """The one wait of a suite worker: for the first event among its files and its deadline.
 
     It calls a function for each file that has become readable. Used by one thread; ``wake`` by any, and by signals.
     """
@@ -74,11 +74,11 @@ class Reactor:
         self._later[callback] = clock.Deadline.after(seconds)
 
     def cancel(self, callback: Callable[[], None]) -> None:
-        """Do not call it later."""
+        """Cancel the later call."""
         self._later.pop(callback, None)
 
     def run_once(self, deadline: clock.Deadline) -> None:
-        """Wait until something happened or the deadline has come, and call what is to be called."""
+        """Wait until something happened or the deadline has come, and make the calls that are due."""
         for moment in self._later.values():
             deadline = deadline.earliest(moment)
         remaining = deadline.remaining()
@@ -101,13 +101,13 @@ class Reactor:
             os.eventfd_read(self._wake)
 
     def close(self) -> None:
-        """Give the descriptors back."""
+        """Close the descriptors."""
         self._epoll.close()
         os.close(self._wake)
 
 
 class WorkerPool:
-    """The children of one process that forks, as the runner sees them. One is always asked for ahead of its need."""
+    """The children of one process that forks, from the runner's side. One child is always requested in advance."""
 
     def __init__(self, client: ForkServerClient, control: socket.socket) -> None:
         self.connected = True
@@ -121,15 +121,15 @@ class WorkerPool:
         self.reactor.watch(control.fileno(), self._receive)
 
     def loaded(self, problems: tuple[str, ...]) -> None:
-        """Take note of what could not be loaded."""
+        """Record what could not be loaded."""
         self.client.problems.extend(problems)
 
     def lost(self) -> None:
-        """Take note that the process has closed its socket."""
+        """Record that the process has closed its socket."""
         self.client.abandon()
 
     def request(self, message: msgspec.Struct, *descriptors: int) -> None:
-        """Have the process do something; if it is gone, a later wait notices its loss."""
+        """Send the process a request; if it is gone, a later wait notices the loss."""
         if self.connected:
             with contextlib.suppress(OSError):
                 data = messages.pack(message)
@@ -139,11 +139,11 @@ class WorkerPool:
                     self._control.sendall(data)
 
     def ask_ahead(self) -> None:
-        """Have a child forked that will be taken later."""
+        """Request a child that will be taken later."""
         self._spare = self._fork()
 
     def take(self) -> Child:
-        """A fresh child, waiting for its job. Raises ForkServerLostError when none is to be had."""
+        """Return a fresh child, which waits for its job. Raises ForkServerLostError if there is none."""
         child = self._spare if self._spare is not None and self._spare.end is None else self._fork()
         self._spare = None
         deadline = clock.Deadline.after(_START_LIMIT)
@@ -160,7 +160,7 @@ class WorkerPool:
         return child
 
     def _receive(self) -> bool:
-        """Take in what the process has said; returns whether there may be more."""
+        """Read what the process has sent; returns whether there may be more."""
         if not self.connected:
             return False
         try:
@@ -172,7 +172,7 @@ class WorkerPool:
         try:
             for frame in self._frames.feed(data):
                 self._take_in(messages.to_runner(frame))
-        except ValueError:  # somebody else has written to it
+        except ValueError:  # another process has written to it
             data = b""
         if not data:
             self.disconnect()
@@ -197,7 +197,7 @@ class WorkerPool:
             self._control.close()
 
     def gone(self) -> None:
-        """Take note that the process has ended, and so has everything that it forked."""
+        """Record that the process has ended, and with it everything that it forked."""
         while self._receive():
             pass
         self.disconnect()
@@ -230,7 +230,7 @@ class PluginServer(WorkerPool):
 
     @property
     def usable(self) -> bool:
-        """Whether tests can be forked from it."""
+        """Whether tests can be forked from the server."""
         return bool(self._fit) and self.connected
 
     def loaded(self, problems: tuple[str, ...]) -> None:
@@ -242,7 +242,7 @@ class PluginServer(WorkerPool):
         pass  # the next test notices
 
     def dismiss(self) -> None:
-        """End it, and wait until nothing of it is left."""
+        """End the server, and wait until nothing of it is left."""
         self.process.dismiss()
         self.gone()
 
@@ -292,11 +292,11 @@ class ForkServerClient:
         fixtures: Mapping[str, int] | None = None,
         limit: float | None = None,
     ) -> Child:
-        """A fresh child, waiting for its job. Raises ForkServerLostError when none is to be had.
+        """Return a fresh child, which waits for its job. Raises ForkServerLostError if there is none.
 
         ``plugin`` is what a test will load and ``fixtures`` are the generations that it will use: where several tests
         share the file, the child comes from a plug-in server. Raises LoadTimeoutError when that has not loaded the file
-        within ``limit`` seconds; after that, each test loads it for itself. ``loading_took`` says how long it took.
+        within ``limit`` seconds; after that, each test loads it for itself. ``loading_took`` is the time of loading.
         """
         self.loading_took = 0.0
         pool = self._pool or self.start()
@@ -320,7 +320,7 @@ class ForkServerClient:
         self._uses[path] = planned - 1
         if server is not None and (not server.usable or server.fixtures != fixtures):
             if not server.usable:
-                self._uses[path] = planned = 0  # it has died under a test; that may happen once
+                self._uses[path] = planned = 0  # it has died during a test; that may happen once
             self._servers.pop(path).dismiss()
             server = None
         if server is None and planned > 1:
@@ -352,14 +352,14 @@ class ForkServerClient:
         return None
 
     def rouse(self) -> None:
-        """Let the fork server and the plug-in servers go on, should somebody have stopped one."""
+        """Continue the fork server and the plug-in servers, in case they were stopped by a signal."""
         if self._process is not None:
             self._process.resume()
             for server in self._servers.values():
                 processes.signal_process(server.process.pid, signal.SIGCONT)
 
     def close(self, timeout: float = 30.0) -> None:
-        """Let the fork server end, with all that it still has; kill it if it does not within ``timeout`` seconds.
+        """End the fork server with all that it still has; kill it if it does not end within ``timeout`` seconds.
 
         Nothing may be taken, or waited for, after that.
         """
@@ -375,7 +375,7 @@ class ForkServerClient:
         self.reactor.close()
 
     def abandon(self) -> None:
-        """Have the keeper end all that is left of a fork server that is lost or does not do its work, and forget it."""
+        """Make the keeper end all that is left of a fork server that is lost or does not work, and forget it."""
         process, self._process = self._process, None
         pool, self._pool = self._pool, None
         if pool is not None:

@@ -1,1 +1,1 @@
-"""Tests that are not Python classes of ours: Lua, the C++ framework's scripts, and programs of any language."""
+"""Tests that are not Python classes of RTF: Lua, the C++ framework's scripts, and programs of any language."""

@@ -1,8 +1,8 @@
-"""What a program under test tells of its cases, in TAP or in a JUnit file: one report for both, to the runner.
+"""The cases that a program under test reports, in TAP or in a JUnit file, as one report to the runner.
 
-The runner makes a test of each case. Whether the program itself passed is decided in
-:mod:`rtf.testing.languages.executable`. A JUnit file is trusted with nothing: its size and number of cases are bounded,
-it may have no document type, no entity is expanded and nothing is fetched.
+The runner makes a test of each case. :mod:`rtf.testing.languages.executable` decides whether the program itself passed.
+A JUnit file is not trusted: its size and number of cases are bounded, it may have no document type, no entity is
+expanded and nothing is fetched.
 """
 
 from __future__ import annotations
@@ -54,9 +54,9 @@ _PLACE = re.compile(r"\s*([^\s:][^:\n]*):([0-9]{1,9})(?::[0-9]+)?\s*(?:\n|:|$)")
 
 
 def wanted_cases(names: Sequence[str]) -> dict[str, str]:
-    """Return the variables that tell a program which cases are wanted; none, so that it runs all, if they do not fit.
+    """Return the variables that name the wanted cases to a program; none, so that it runs all, if they do not fit.
 
-    A name that came several times is given without its number, too, as the program knows it.
+    A name that came several times is also given without its number, as the program knows it.
     """
     known = dict.fromkeys([*names, *(_NUMBERED.sub("", name) for name in names)])
     fit = all(name.isprintable() and "\ufffd" not in name and len(name) < _MAX_NAME for name in known)
@@ -66,7 +66,7 @@ def wanted_cases(names: Sequence[str]) -> dict[str, str]:
 
 
 class CaseReport:
-    """What one run of a program tells of its cases: handed to the runner one by one, and added up."""
+    """The cases that one run of a program reports: handed to the runner one by one, and added up."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
@@ -85,7 +85,7 @@ class CaseReport:
         duration: float = 0.0,
         place: Place = _NOWHERE,
     ) -> None:
-        """Tell of a case that is over, with what is said in it. From the second of a name on they are numbered."""
+        """Report a case that is over, with its messages. From the second of a name on they are numbered."""
         if verdict is not Verdict.SKIPPED:
             self.all_skipped = None
         elif not self._counts:
@@ -108,7 +108,7 @@ class CaseReport:
         )
 
     def tell_tap(self, items: Iterable[Item]) -> None:
-        """Tell what was read from a TAP stream."""
+        """Report what was read from a TAP stream."""
         for item in items:
             self._tell_item(item)
 
@@ -148,7 +148,7 @@ class CaseReport:
                 self.tell(name, Verdict.FAILED, point.block, [(Severity.FAILURE, text, place)])
 
     def tell_junit(self, case: JunitCase) -> None:
-        """Tell of a case of a JUnit file. A failure weighs more than an error."""
+        """Report a case of a JUnit file. A failure counts more than an error."""
         place = (case.file, case.line)
         said = [
             (
@@ -179,7 +179,7 @@ class CaseReport:
 
 
 def _place(block: str) -> Place:
-    """Where a YAML block says that the failure lies."""
+    """Return the place of the failure that a YAML block names."""
     file = _BLOCK_FILE.search(block)
     line = _BLOCK_LINE.search(block)
     return (file[1], int(line[1]) if line else 0) if file else _NOWHERE
@@ -208,7 +208,7 @@ class JunitProblem:
 
     @property
     def detail(self) -> str:
-        """Message and text without the place, where they begin with it."""
+        """Message and text, without the place if they begin with it."""
         text = str(self)
         return (_PLACE.sub("", text, count=1).strip() if self.file else text) or text
 
@@ -228,7 +228,7 @@ class JunitCase:
 
     @property
     def subject(self) -> str:
-        """What the case is called in a report: ``classname.name``, or with the suite's name where it has no class."""
+        """The case's name in a report: ``classname.name``, or with the suite's name if it has no class."""
         return ".".join(part for part in (self.classname or self.suite, self.name) if part) or "unnamed"
 
 

@@ -152,7 +152,7 @@ class ExecutableTest(RawParameters):
 
 
 class _Output:
-    """What the program writes: passed on to the worker's own output, and read as TAP when it is."""
+    """The output of the program: passed on to the worker's own output, and read as TAP if it is TAP."""
 
     def __init__(self, cases: CaseReport, mode: str) -> None:
         self._cases = cases
@@ -173,7 +173,7 @@ class _Output:
     def finish(self, *, cut_off: bool) -> bool:
         """Read the last line. Returns whether it was a TAP stream.
 
-        The program may have been ``cut_off`` from outside; then it is no fault that it did not say everything.
+        A program that was ``cut_off`` from outside need not have reported everything.
         """
         for line in self._lines.finish():
             self._take_line(line)
@@ -191,7 +191,7 @@ class _Output:
 
 
 def _files_below(folder: Path) -> Iterator[Path]:
-    """Regular files only: a link could lead anywhere."""
+    """Yield regular files only, because a link could lead anywhere."""
     for root, folders, files in os.walk(folder):
         folders.sort()
         for name in sorted(files):

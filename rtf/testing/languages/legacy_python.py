@@ -34,7 +34,7 @@ _running: list[LegacyTest] = []
 
 
 def adapt(ref: PluginRef, module: ModuleType, old: type) -> TestCase:
-    """Make a test of a script's class. Called in the worker after the script ran; raises what the class raises."""
+    """Make a test of a script's class, in the worker after the script ran; raises what the class raises."""
     vars(module)[MODULE] = install()
     script = old()
     if not callable(getattr(script, "run", None)):
@@ -50,7 +50,7 @@ def install() -> ModuleType:
 
 
 class LegacyTest(ScriptTest):
-    """One of the C++ framework's Python scripts."""
+    """A Python script written for the C++ framework."""
 
     def __init__(self, name: str, script: object) -> None:
         super().__init__()

@@ -35,7 +35,7 @@ _LINE = re.compile(r":([0-9]+):")
 
 
 class LuaError(TestingError, RuntimeError):
-    """An error that a Lua script ran into: its message, with Lua's traceback as a note."""
+    """An error in a Lua script: its message, with Lua's traceback as a note."""
 
 
 def load_lua(ref: PluginRef) -> LuaTest:
@@ -50,7 +50,7 @@ def load_lua(ref: PluginRef) -> LuaTest:
 
 
 def _interpreter() -> Callable[..., Any]:
-    """The class of a Lua state. What lupa gives is untyped."""
+    """Return the class of a Lua state; lupa has no types."""
     try:
         import lupa  # noqa: F401 - only whether it is there
     except ImportError as error:
@@ -167,7 +167,7 @@ class LuaTest(ScriptTest):
     # Called by Lua -----------------------------------------------------------------------------------------------
 
     def _look(self) -> None:
-        """Behind the hook. That Python is entered at all lets the stop signal's handler run, and raise from here."""
+        """Look for a stop, from Lua's hook; entering Python also lets the stop signal's handler run and raise."""
         if self._running:
             self._look_for_stop()
 
@@ -210,7 +210,7 @@ class LuaTest(ScriptTest):
 
 
 def _at(place: Place, function: Callable[..., Any], *arguments: object) -> Any:  # whatever the function returns
-    """Call a function as if from a line of the script, so that callers and tracebacks lead there, as with Jinja."""
+    """Call a function as if from a line of the script, so that callers and tracebacks name that line, as with Jinja."""
     names = {"function": function, "arguments": arguments}
     return eval(_line_code("function(*arguments)", "eval", *place), names)  # noqa: S307 - the code is this constant
 

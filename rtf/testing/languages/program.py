@@ -73,11 +73,11 @@ class Ended:
 def run_program(
     words: Sequence[str], environ: Mapping[str, str], take: Callable[[bytes], object], *, cores: Path | None = None
 ) -> Ended:
-    """Run a program to its end and hand what it writes to ``take``.
+    """Run a program to its end and hand its output to ``take``.
 
-    Whatever leaves this function by exception, the program has ended before: it gets SIGTERM, and SIGKILL a second
-    later. A core dump is put into the folder ``cores``. A grandchild that holds the pipe open is not waited for. Raises
-    TestProblem when the program cannot be started.
+    When this function raises, the program has ended: it gets SIGTERM, and SIGKILL a second later. A core dump is put
+    into the folder ``cores``. A grandchild that holds the pipe open is not waited for. Raises TestProblem when the
+    program cannot be started.
     """
     began = clock.now()
     program = _start(words, environ, _allow_core_dumps if cores else processes.die_with_parent)
@@ -113,7 +113,7 @@ def _start(words: Sequence[str], environ: Mapping[str, str], before: Callable[[]
 
 
 def why_not_started(file: str, error: OSError) -> str:
-    """Say what is wrong with a program and how it is fixed, where the kernel only gives a number."""
+    """Return why a program cannot be started and how to fix it; the kernel only gives a number."""
     if error.errno == errno.EACCES and os.path.isfile(file) and not os.access(file, os.X_OK):  # noqa: PTH113
         return f"{file} is not executable; chmod +x {file} fixes that"
     if error.errno == errno.ENOEXEC:
@@ -197,7 +197,7 @@ def _allow_core_dumps() -> None:
 
 
 def keep_core_dump(pid: int, folder: Path, since: float) -> str:
-    """Move the core file of a program that crashed into a folder. Says why there is none, or nothing.
+    """Move the core file of a program that crashed into a folder. Returns why there is none, or nothing.
 
     ``since`` is when the program was started, in seconds since 1970; an older file is of another one.
     """
@@ -219,7 +219,7 @@ def keep_core_dump(pid: int, folder: Path, since: float) -> str:
 
 
 def _candidates(pattern: str, pid: int) -> list[Path]:
-    """The files that the pattern may mean; of its variables only the process is known for sure, see core(5)."""
+    """Return the files that the pattern may mean; of its variables only the process is known for sure, see core(5)."""
     name, parts = "", iter(pattern)
     for character in parts:
         variable = next(parts, "") if character == "%" else ""

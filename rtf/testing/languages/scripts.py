@@ -25,7 +25,7 @@ _SHOWN = 200
 
 
 class RawParameters(TestCase):
-    """Base of the tests that get their parameters unread."""
+    """Base of the tests whose parameter string is not interpreted."""
 
     #: The parameter string with everything that was added to it.
     parameter: str = ""
@@ -77,11 +77,11 @@ class ScriptTest(RawParameters):
 
     @property
     def session(self) -> Session:
-        """Where the script's calls go."""
+        """The session that receives the script's calls."""
         return self._session
 
     def tell(self, place: Place, text: str) -> None:
-        """Say something."""
+        """Report a message."""
         self.session.message(Severity.INFO, "reports", text, place)
 
     def tell_check(self, place: Place, holds: object, text: str) -> None:

@@ -1,8 +1,8 @@
-"""What a program says in the Test Anything Protocol, versions 12 to 14, line by line while it runs.
+"""A reader of the Test Anything Protocol, versions 12 to 14, line by line while the program runs.
 
-The parser turns lines into items. Nothing a program can write makes it raise or grow: what breaks the protocol becomes
-a :class:`Fault`, what is not of the protocol is passed over, as the protocol demands. It knows nothing of tests and
-sessions; :mod:`rtf.testing.languages.executable` does. The protocol: https://testanything.org.
+The parser turns lines into items. No output of a program can make it raise or grow: what breaks the protocol becomes a
+:class:`Fault`, what is not of the protocol is ignored, as the protocol demands. It knows nothing of tests and sessions;
+:mod:`rtf.testing.languages.executable` does. The protocol: https://testanything.org.
 
 Subtests are documents indented by four spaces, ended by the test point of their parent, which has the last word: the
 failed points of a subtest are held back until that point is read, and are no failures when it is a TODO or skipped. A
@@ -15,11 +15,11 @@ import re
 from collections import Counter
 from dataclasses import dataclass, replace
 
-#: More points than this are counted and not told one by one.
+#: More points than this are counted and not reported one by one.
 MAX_POINTS = 100_000
-#: Levels of subtests that are told apart.
+#: The greatest depth of subtests.
 MAX_DEPTH = 16
-#: Characters that are kept of one YAML block, of all blocks together, and of one description; and faults that are told.
+#: Characters that are kept of one YAML block, of all blocks together, and of one description; and reported faults.
 #: The parser's memory is bounded by these.
 MAX_BLOCK = 64 * 1024
 MAX_BLOCKS = 16 << 20
@@ -59,7 +59,7 @@ class Point:
 
     @property
     def failed(self) -> bool:
-        """Whether it counts against the test: neither TODO points nor skipped ones do."""
+        """Whether the point counts against the test: neither TODO points nor skipped ones do."""
         return not self.ok and not self.directive
 
 
@@ -110,7 +110,7 @@ def _read_point(text: str) -> Point | None:
 
 
 def looks_like_tap(text: str) -> bool:
-    """Whether a program whose first line that is not empty is ``text`` speaks the protocol.
+    """Return whether a program with this first line that is not empty speaks the protocol.
 
     A version, a plan, or a test point that has more to it than the bare word ``ok``, which any program may print.
     """
@@ -124,7 +124,8 @@ def looks_like_tap(text: str) -> bool:
 class TapParser:
     """Reads a stream, or one subtest of it. ``feed`` takes a line, ``finish`` says that there are no more.
 
-    Both give what is known now. A point is given when the line after it is read, because its YAML block may follow it.
+    Both return the items that are known now. A point is returned when the line after it is read, because its YAML block
+    may follow it.
     """
 
     def __init__(self, path: tuple[str, ...] = (), version: int = 12, spent: Counter[str] | None = None) -> None:
@@ -164,7 +165,7 @@ class TapParser:
         return self._give()
 
     def finish(self, *, cut_off: bool = False) -> list[Item]:
-        """Say what is missing. When the program was ``cut_off``, a plan that is not kept is a mere consequence."""
+        """Return what is missing. When the program was ``cut_off``, an incomplete plan is a mere consequence."""
         self._release()
         if not self._over:
             self._end_subtest(cut_off=cut_off)
@@ -200,7 +201,7 @@ class TapParser:
         return True
 
     def _release(self) -> None:
-        """Give the waiting point with its block."""
+        """Return the waiting point with its block."""
         if self._point is not None:
             self._found.append(replace(self._point, block="\n".join(self._block or ())))
             self._point = self._block = None
@@ -215,7 +216,7 @@ class TapParser:
         return any(line.match(body) for line in (_POINT, _PLAN, _VERSION))
 
     def _relay(self, items: list[Item]) -> None:
-        """Pass on what a subtest gives; its failures when it has ended."""
+        """Pass on the items of a subtest; its failures when it has ended."""
         for item in items:
             if isinstance(item, BailOut):
                 self._over = True
@@ -320,5 +321,5 @@ class TapParser:
 
 
 def _excused(item: Point | Fault, directive: str) -> Item:
-    """Return what is said of a failure in a subtest that is a TODO or skipped itself."""
+    """Return what to report of a failure in a subtest that is a TODO or skipped itself."""
     return replace(item, directive=directive) if isinstance(item, Point) else Comment(item.text, item.path)

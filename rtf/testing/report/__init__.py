@@ -1,1 +1,1 @@
-"""What several reporters need: texts, files that are whole or not there, problems, a live region."""
+"""Parts that several reporters use: texts, files that are complete or absent, problems, a live region."""

@@ -1,8 +1,8 @@
-"""What reporters that write a file need: a target that is whole or not there, and the entry of each test.
+"""Parts of reporters that write a file: a target that is complete or absent, and the entry of each test.
 
 A report must neither keep a long run in memory nor be lost with it. So the entry of a test that has ended leaves the
-memory for a temporary file without a name, from which the report is put together at each update; to make it anew from
-the journal would take twenty times as long (``docs/decisions/0032-reports-are-put-together-from-entries.md``).
+memory for a temporary file without a name, from which the report is written at each update; to make it anew from the
+journal would take twenty times as long (``docs/decisions/0032-reports-are-put-together-from-entries.md``).
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _STREAMS = {"/dev/stdout": 1, "/dev/stderr": 2}
 
 
 class Target:
-    """Where a report goes. A file is written beside its place and moved there, so that nobody ever reads half of it.
+    """The place of a report. A file is written beside its place and moved there, so that no reader sees a partial file.
 
     Through a link the file is written that the link leads to. Without a path, or with ``-``, the report goes to
     standard output. Standard streams, pipes and devices are written to directly, and once.
@@ -62,7 +62,7 @@ class Target:
 
     @property
     def replaceable(self) -> bool:
-        """Whether it can be written more than once: it is a file, or not there yet."""
+        """Whether the target can be written more than once: it is a file, or does not exist yet."""
         return self.path is not None and (self.path.is_file() or not self.path.exists())
 
     def check(self) -> None:
@@ -81,7 +81,7 @@ class Target:
 
     @contextmanager
     def writing(self, *, last: bool = True) -> Iterator[BinaryIO]:
-        """A stream whose content is in place when the block is left in order; ``last`` puts it on the disk, too."""
+        """Open a stream whose content is in place when the block ends in order; ``last`` puts it on the disk, too."""
         if self.path is None or not self.replaceable:
             with self.open() as stream:
                 yield stream
@@ -112,7 +112,7 @@ class Target:
 
 
 def _descriptor_of(path: Path) -> int | None:
-    """The open file of this process that a path such as ``/dev/stdout`` or ``/dev/fd/5`` stands for."""
+    """Return the open file of this process that a path such as ``/dev/stdout`` or ``/dev/fd/5`` stands for."""
     name = os.path.normpath(path)
     found = re.fullmatch(r"/(?:dev|proc/self)/fd/(\d+)", name)
     return int(found[1]) if found else _STREAMS.get(name)
@@ -128,7 +128,7 @@ class AttemptEvents:
 
     @property
     def problems(self) -> list[Message]:
-        """The failures and errors that were told."""
+        """Return the failures and errors of the attempt."""
         said = [event for event in self.events if isinstance(event, Message)]
         return [message for message in said if message.severity in (Severity.FAILURE, Severity.ERROR)]
 
@@ -142,7 +142,7 @@ class TestEvents:
         self._open: dict[str, list[AttemptEvents]] = {}
 
     def take(self, event: Event) -> list[AttemptEvents] | None:
-        """Take any event; with a test's final end come all its attempts, which are then forgotten."""
+        """Take any event; a test's final end returns all its attempts, which are then forgotten."""
         test: str = getattr(event, "test", "") if type(event) in _OF_AN_ATTEMPT else ""
         if not test:
             return None
@@ -159,7 +159,7 @@ class TestEvents:
         return None
 
     def unfinished(self) -> dict[str, list[AttemptEvents]]:
-        """The attempts of the tests that were begun and have not come to their final end."""
+        """Return the attempts of the tests that were begun and have not come to their final end."""
         begun = {test: [a for a in attempts if a.started or a.ended] for test, attempts in self._open.items()}
         return {test: attempts for test, attempts in begun.items() if attempts}
 
@@ -206,23 +206,23 @@ class FileReporter(Reporter):
             self.document(stream, results)
 
     def keep(self, name: str, data: bytes) -> None:
-        """Put some bytes aside, in place of what had this name."""
+        """Store some bytes under a name, in place of the earlier ones."""
         self._places[name] = self._end, len(data)
         self._end += self._spool.write(data)
 
     def kept(self, name: str) -> bytes:
-        """The bytes that were put aside under this name; none where there are none."""
+        """Return the bytes that were stored under this name; empty if there are none."""
         start, length = self._places.get(name, (0, 0))
         self._spool.flush()
         return os.pread(self._spool.fileno(), length, start)
 
     def entries(self, tests: Iterable[str]) -> Iterator[bytes]:
-        """The entries of these tests, one after the other."""
+        """Yield the entries of these tests, one after the other."""
         for test in tests:
             yield self._unfinished[test] if test in self._unfinished else self.kept(test)
 
     def entry(self, result: TestResult, attempts: list[AttemptEvents], results: RunResult) -> bytes:
-        """Make the entry of a test from its attempts; of one that has not begun there are none."""
+        """Return the entry of a test, made from its attempts; a test that has not begun has none."""
         raise NotImplementedError
 
     def document(self, stream: BinaryIO, results: RunResult) -> None:
@@ -231,7 +231,7 @@ class FileReporter(Reporter):
 
 
 def members(event: Event, *without: str) -> dict[str, Any]:
-    """The members of an event as a JSON-able object: its time, and what differs from the defaults."""
+    """Return the members of an event as a JSON-able object: its time, and what differs from the defaults."""
     return {name: value for name, value in to_record(event).items() if name not in ("event", "seq", *without)}
 
 
@@ -257,7 +257,7 @@ def _strict(value: object) -> object:
 
 
 def separated(parts: Iterable[bytes]) -> Iterator[bytes]:
-    """The items of a JSON array as they are written: a comma and a line end between two."""
+    """Yield the items of a JSON array with a comma and a line end between two."""
     mark = b""
     for part in parts:
         yield mark + part

@@ -1,6 +1,6 @@
-"""The moving region at the bottom of a terminal: suites, fixtures, running tests with elapsed time and limit, counts.
+"""The live region at the bottom of a terminal: suites, fixtures, running tests with elapsed time and limit, counts.
 
-It needs rich, which takes long to import, and is therefore imported only where somebody watches.
+It needs rich, whose import takes long, and is therefore imported only for a terminal.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _ROWS = 6
 
 @dataclass(slots=True)
 class _Running:
-    """A test that runs: since when, how long its phase may take and takes, how far it says it has come."""
+    """A test that runs: its start, its phase with start and limit, and its progress."""
 
     name: str
     began: float
@@ -51,9 +51,9 @@ class _Running:
 
 
 class Region:
-    """Shows the present. ``take`` and ``print`` are called in the order of events; rich draws in a thread of its own.
+    """Shows the present state. ``take`` and ``print`` are called in the order of events; rich draws in its own thread.
 
-    The two share nothing but whole values: the drawing thread works on copies that are made in one step.
+    The two threads share nothing but whole values: the drawing thread works on copies that are made in one step.
     """
 
     def __init__(self, stream: TextIO, *, coloured: bool) -> None:
@@ -85,11 +85,11 @@ class Region:
         self._console.print(Text.from_ansi(text), soft_wrap=True)
 
     def refresh(self) -> None:
-        """Draw it now; otherwise it is drawn four times a second."""
+        """Draw the region now; otherwise it is drawn four times a second."""
         self._live.refresh()
 
     def close(self) -> None:
-        """Take the region away."""
+        """Remove the region."""
         self._live.stop()
 
     def take(self, event: Event, results: RunResult) -> None:
@@ -125,7 +125,7 @@ class Region:
             self._left -= 1
 
     def _question(self, event: Asked | Answered) -> None:
-        """Be away while somebody is to type an answer."""
+        """Hide the region while a question waits for an answer."""
         self._live.stop()
         if isinstance(event, Asked):
             self._questions.add(event.question)

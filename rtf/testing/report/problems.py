@@ -1,9 +1,9 @@
-"""What went wrong beside the tests, as cases that formats can show which know nothing but tests.
+"""What went wrong beside the tests, as cases for formats that have nothing but tests.
 
 JUnit and CTRF have no words for a fixture that collapsed, a suite that could not be loaded or a run that was
 interrupted. A consumer that reads only such a file must neither miss them nor see a green run where RTF's exit code
 is not 0. So each becomes a case of its own, *red* when it is a reason for the exit code and merely visible when the
-run got over it:
+run recovered:
 
 ==========================================  =====================================
 what happened                               red
@@ -37,7 +37,7 @@ PASSED_OVER = frozenset({Verdict.SKIPPED, Verdict.EXPECTED_FAILURE, Verdict.BLOC
 
 @dataclass(slots=True)
 class Problem:
-    """One thing that went wrong: its name as a case, its kind as a type, a sentence, and all there is to say."""
+    """One problem: its name as a case, its kind as a type, a sentence, and the full text."""
 
     name: str
     kind: str
@@ -48,12 +48,12 @@ class Problem:
 
     @property
     def text(self) -> str:
-        """All there is to say; never empty."""
+        """The full text; never empty."""
         return "\n".join(self.texts) or self.message or self.name
 
 
 def of_suite(suite: SuiteResult) -> list[Problem]:
-    """The problems of one suite: each fixture that had one, then the suite itself."""
+    """Return the problems of one suite: each fixture that had one, then the suite itself."""
     found: dict[str, Problem] = {}
     for event in suite.incidents:
         problem = _of_fixture(found, event.fixture)
@@ -82,13 +82,13 @@ def _of_fixture(found: dict[str, Problem], name: str) -> Problem:
 
 
 def incident_text(event: FixtureIncident) -> str:
-    """An incident in full: the sentence, the traceback, the last output."""
+    """Return an incident in full: the sentence, the traceback, the last output."""
     last = f"last output:\n{event.output}" if event.output else ""
     return "\n".join(part.rstrip("\n") for part in (incident(event), event.traceback, last) if part)
 
 
 def of_run(results: RunResult) -> list[Problem]:
-    """The problems of the run itself, as far as it has come."""
+    """Return the problems of the run itself, so far."""
     code = results.ended.exit_code if results.ended is not None else int(results.exit_code())
     found: dict[str, Problem] = {}
     for event in results.diagnostics:

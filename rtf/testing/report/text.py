@@ -1,8 +1,8 @@
-"""Texts for reports: what tests say made safe to show, and places, durations and counts in words.
+"""Texts for reports: texts of tests made safe to show, and places, durations and counts in words.
 
-Whatever a test, a fixture or a suite file says is untrusted: it must not move a terminal's cursor, hide a line or
-break a file's encoding. Here it is made visible instead. XML and JSON have rules of their own, which their reporters
-keep.
+The texts of a test, a fixture or a suite file are untrusted: they must not move a terminal's cursor, hide a line or
+break a file's encoding. Here such characters are made visible instead. XML and JSON have rules of their own, which
+their reporters keep.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ _PLURALS = {
 
 
 def joined(text: str) -> str:
-    """The text with each pair of surrogates as the one character that it stands for, as JSON readers make of it."""
+    """Return the text with each pair of surrogates as the one character that it stands for, as JSON readers read it."""
     return text if text.isascii() else text.encode("utf-16-le", "surrogatepass").decode("utf-16-le", "surrogatepass")
 
 
 def without_surrogates(text: str) -> str:
-    """The text with pairs of surrogates joined and lone ones written out, for what holds nothing but Unicode."""
+    """Return the text with pairs of surrogates joined and lone ones escaped, for formats of Unicode alone."""
     return encodable(joined(text), "utf-8")
 
 
@@ -46,20 +46,20 @@ def _escaped(match: re.Match[str]) -> str:
 
 
 def shown(text: str) -> str:
-    r"""The text with what would harm a terminal written out, such as ``\x1b``; line feeds and tabs stay."""
+    r"""Return the text with what would harm a terminal escaped, such as ``\x1b``; line feeds and tabs stay."""
     if text.isascii() and text.isprintable():
         return text
     return _UNSAFE.sub(_escaped, joined(text).replace("\r\n", "\n"))
 
 
 def encodable(text: str, encoding: str | None) -> str:
-    """The text with what this encoding has no bytes for written out, so that printing it never fails."""
+    """Return the text with what this encoding has no bytes for escaped, so that printing it never fails."""
     encoding = encoding or "utf-8"
     return text if text.isascii() else text.encode(encoding, "backslashreplace").decode(encoding)
 
 
 def wants_colour(stream: TextIO, choice: bool | None = None) -> bool:
-    """Whether to use colours: by the caller's choice, ``NO_COLOR``, ``FORCE_COLOR``, or on a capable terminal."""
+    """Return whether to use colours: by the caller's choice, ``NO_COLOR``, ``FORCE_COLOR``, or the terminal."""
     if choice is not None:
         return choice
     if os.environ.get("NO_COLOR"):
@@ -70,18 +70,18 @@ def wants_colour(stream: TextIO, choice: bool | None = None) -> bool:
 
 
 def capable_terminal(stream: TextIO) -> bool:
-    """Whether the stream is a terminal that understands escape sequences."""
+    """Return whether the stream is a terminal that understands escape sequences."""
     return stream.isatty() and os.environ.get("TERM", "dumb") not in ("", "dumb", "unknown")
 
 
 def one_line(text: str) -> str:
-    """The text safe to show and in one line: its first, and a mark if there is more."""
+    """Return the text safe to show and in one line: its first, and a mark if there is more."""
     first, separator, _ = shown(text).strip("\n").partition("\n")
     return f"{first} …" if separator else first
 
 
 def near_path(file: str) -> str:
-    """A file's path, relative where it is below the working directory: what editors and terminals make a link of."""
+    """Return a file's path, relative if it is below the working folder, as editors and terminals link it."""
     if not file.startswith("/"):
         return file
     here = f"{os.getcwd()}/"  # noqa: PTH109 - called for every line of a report
@@ -89,13 +89,13 @@ def near_path(file: str) -> str:
 
 
 def place(file: str, line: int = 0, column: int = 0) -> str:
-    """A place the way compilers write it, ``path:line:column``, as far as it is known."""
+    """Return a place as compilers write it, ``path:line:column``, as far as it is known."""
     parts = [shown(near_path(file)), *(str(number) for number in ((line, column) if line else ()) if number)]
     return ":".join(parts) if file else ""
 
 
 def cut(text: str, limit: int) -> str:
-    """The two ends of a text that is too long, with a note between them."""
+    """Return the two ends of a text that is too long, with a note between them."""
     if len(text) <= limit:
         return text
     half = limit // 2
@@ -127,12 +127,12 @@ def counts(numbers: Mapping[Verdict, int]) -> str:
 
 
 def sentence(message: Message) -> str:
-    """What a message says, as its author wrote it: ``subject: title: detail``."""
+    """Return a message as its author wrote it: ``subject: title: detail``."""
     return ": ".join(part for part in (message.subject, message.title, message.detail) if part)
 
 
 def problem_text(message: Message) -> str:
-    """A failure or error in full: the sentence, the place on a line of its own, the traceback."""
+    """Return a failure or error in full: the sentence, the place on a line of its own, the traceback."""
     lines = [sentence(message)]
     where = place(message.file, message.line)
     if where:
@@ -143,13 +143,13 @@ def problem_text(message: Message) -> str:
 
 
 def measurement(event: Measured) -> str:
-    """A measurement with its name, limits, margin and verdict in one sentence."""
+    """Return a measurement with its name, limits, margin and verdict in one sentence."""
     name = f"{event.subject}: {event.name}" if event.subject else event.name
     return f"{name} = {measured(event)}"
 
 
 def measured(event: Measured) -> str:
-    """A measured value with its limits, margin and verdict; the number comes first."""
+    """Return a measured value with its limits, margin and verdict; the number comes first."""
     from rtf.testing.measurement import limits_text, quantity
 
     text = quantity(event.value, event.unit)
@@ -162,13 +162,13 @@ def measured(event: Measured) -> str:
 
 
 def parameter(row: Mapping[str, str]) -> str:
-    """The value of a parameter with its unit, and where it is from."""
+    """Return the value of a parameter with its unit and its source."""
     value = " ".join(part for part in (row.get("value", ""), row.get("unit", "")) if part)
     return f"{value} ({row['source']})" if row.get("source") else value
 
 
 def incident(event: FixtureIncident) -> str:
-    """What went wrong with a fixture, in one sentence."""
+    """Return the incident of a fixture in one sentence."""
     status = "" if event.exit_status is None else f"exit status {event.exit_status}"
     ends = [end for end in (status, event.signal) if end and end not in event.cause]
     text = f"{event.fixture} #{event.generation} in {event.phase}: {event.cause}"

@@ -1,1 +1,1 @@
-"""Suites: what one is, and the XML that it is read from."""
+"""The model of suites, and the XML that they are read from."""

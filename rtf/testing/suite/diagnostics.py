@@ -1,4 +1,4 @@
-"""What is wrong with a suite file, collected in one go and each with its place; and how much a file may unfold into."""
+"""The problems of a suite file, collected in one go and each with its place; and limits on what a file unfolds into."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
 
 MAX_DIAGNOSTICS = 1000
-"""More than anybody reads; what is beyond is counted."""
-MAX_COMPARED = 64  # names longer than this are no misspelling of ours
+"""Further problems are only counted."""
+MAX_COMPARED = 64  # a longer name is no misspelling
 _MAX_CANDIDATES = 200  # comparing is slow, and a list this long is generated rather than typed
 _MAX_SUGGESTIONS = 100
 
@@ -29,11 +29,10 @@ _OVER = {
 
 
 class DiagnosticLog:
-    """Collects problems; a problem met again, as in every round of a loop, is kept once.
+    """Collects problems; a problem that occurs again, as in every round of a loop, is kept once.
 
-    With ``lenient`` an element or attribute that nobody knows is a warning. It also keeps count of what loops and
-    includes unfold into: a file of a few lines can ask for billions of tests. ``variables`` are those that the file
-    asks for.
+    With ``lenient`` an unknown element or attribute is a warning. The log also counts what loops and includes unfold
+    into: a file of a few lines can ask for billions of tests. ``variables`` are those that the file uses.
     """
 
     def __init__(self, *, lenient: bool = False) -> None:
@@ -45,19 +44,19 @@ class DiagnosticLog:
         self.variables: set[str] = set()
 
     def error(self, message: str, location: Location, hint: str = "") -> None:
-        """Note something that cannot be used as it is written."""
+        """Add a problem of something that cannot be used as it is written."""
         self._add(Severity.ERROR, message, location, hint)
 
     def warning(self, message: str, location: Location, hint: str = "") -> None:
-        """Note something that probably is not what the author meant."""
+        """Add a warning of something that is probably not what the author meant."""
         self._add(Severity.WARNING, message, location, hint)
 
     def unknown(self, message: str, location: Location, hint: str = "") -> None:
-        """Note a name that is not in the vocabulary: what it says is lost."""
+        """Add a problem of an unknown name, whose content is lost."""
         self._add(self._unknown, message, location, hint)
 
     def did_you_mean(self, name: str, candidates: Collection[str]) -> str:
-        """A hint for a name that is not known; empty when nothing resembles it or there is too much to compare."""
+        """Return a hint for an unknown name; empty when nothing resembles it or there is too much to compare."""
         if not 0 < len(candidates) <= _MAX_CANDIDATES or len(name) > MAX_COMPARED or not self._suggestions:
             return ""
         self._suggestions -= 1
@@ -65,7 +64,7 @@ class DiagnosticLog:
         return f"did you mean {near!r}?" if near else ""
 
     def spend(self, location: Location, **amounts: int) -> None:
-        """Count what the file unfolds into. Raises XmlError, which names the limit and the place, when it is enough."""
+        """Count what the file unfolds into. Raises XmlError with the limit and the place when a limit is reached."""
         for what, amount in amounts.items():
             self._left[what] -= amount
             if self._left[what] < 0:
@@ -81,7 +80,7 @@ class DiagnosticLog:
             self._left_out[severity] += 1
 
     def __iter__(self) -> Iterator[Diagnosed]:
-        """All problems in file order, the files in the order in which they were met."""
+        """Yield all problems in file order, the files in the order in which they were read."""
         files: dict[str, int] = {}
         for one in self._kept.values():
             files.setdefault(one.file, len(files))
@@ -93,6 +92,6 @@ class DiagnosticLog:
 
 
 def diagnosed(severity: Severity, message: str, location: Location, hint: str = "", suite: str = "") -> Diagnosed:
-    """The event that tells of a problem at a place. With an error nothing is run; a warning leaves what was meant."""
+    """Return the event of a problem at a place. With an error nothing is run; a warning leaves what was meant."""
     file, line, column = location.file, location.line, location.column
     return Diagnosed(severity=severity, text=message, file=file, line=line, column=column, hint=hint, suite=suite)

@@ -166,7 +166,7 @@ KINDS: Mapping[str, Kind] = {
 
 
 def check(element: Element, problems: DiagnosticLog) -> None:
-    """Report what a file's tree contains that the loader does not read. Depth is bounded by the parser."""
+    """Report what the loader does not read in a file's tree. Depth is bounded by the parser."""
     kind = KINDS[element.name]
     for attribute in element.attributes:
         if attribute not in kind.attributes and not attribute.startswith(_FOREIGN):
@@ -197,14 +197,14 @@ def _count(element: Element) -> int:
 
 
 def condensed(element: Element) -> str:
-    """The text directly in an element, white space condensed."""
+    """Return the text directly in an element, white space condensed."""
     return " ".join(element.text.split())
 
 
 class Given:
-    """What one element says, under the variables that hold there.
+    """The content of one element, under the variables that hold there.
 
-    ``said`` has the values of its attributes. A faulty one is noted in the problems and is not among them, ``ok`` turns
+    ``said`` has the values of its attributes. A faulty one is in the problems and not among the values, ``ok`` becomes
     False, and reading goes on.
     """
 
@@ -221,11 +221,11 @@ class Given:
                 self.said[name] = value
 
     def get(self, name: str, default: Any = None) -> Any:  # as above
-        """The value of an attribute, or the default where nothing is said, or something faulty."""
+        """Return the value of an attribute, or the default if it is missing or faulty."""
         return self.said.get(name, default)
 
     def body(self) -> str:
-        """The element's own text, condensed, variables put in."""
+        """Return the element's own text, condensed, with variables replaced."""
         try:
             return self._expand(condensed(self.element))
         except ValueError as error:
@@ -233,7 +233,7 @@ class Given:
             return ""
 
     def children(self, name: str) -> Iterator[Given]:
-        """What each child of this name says, in file order; their faults are the element's own."""
+        """Yield each child of this name, in file order; their faults are the element's own."""
         for child in self.element.children:
             if child.name == name:
                 given = Given(child, self._bindings, self._problems)
@@ -241,18 +241,18 @@ class Given:
                 self.ok = self.ok and given.ok
 
     def text_of(self, name: str, default: str = "") -> str:
-        """The text of the last child of this name, or the default when there is no such child."""
+        """Return the text of the last child of this name, or the default when there is no such child."""
         found = [child for child in self.element.children if child.name == name]
         return Given(found[-1], self._bindings, self._problems).body() if found else default
 
     def fail(self, message: str, attribute: str = "", hint: str = "") -> None:
-        """Note an error of this element, at one of its attributes if that is named."""
+        """Add an error of this element, or of one of its attributes."""
         self.ok = False
         place = self.element.attribute_location(attribute) if attribute else self.element.location
         self._problems.error(message, place, hint)
 
     def warn(self, message: str, hint: str = "") -> None:
-        """Note something odd about this element that leaves it usable."""
+        """Add a warning about this element, which stays usable."""
         self._problems.warning(message, self.element.location, hint)
 
     def _read(self, name: str, raw: str, read: Reader) -> Any:  # what the reader makes of it

@@ -55,7 +55,7 @@ class TestIds:
 
 
 class NameBook:
-    """Hands out names that are unique: the second asker for ``arm`` gets ``arm~2``, the third ``arm~3``."""
+    """Hands out names that are unique: the second request for ``arm`` gets ``arm~2``, the third ``arm~3``."""
 
     def __init__(self, mark: str = "~") -> None:
         self._mark = mark
@@ -78,7 +78,7 @@ class NameBook:
 
 
 def suite_id(name: str, file: str, names: NameBook) -> str:
-    """Return the id of a suite: its name, and where another one has that also the name of its file."""
+    """Return the id of a suite: its name, and if another suite has that, also the name of its file."""
     plain = slug(name, "suite")
     return names.unique(plain, _with_piece(plain, _fit(PurePath(file).stem, _MAX_PIECE)))
 

@@ -1,4 +1,4 @@
-"""What a suite is once it has been read: fixtures in starting order and tests in running order.
+"""The model of a suite that has been read: fixtures in starting order and tests in running order.
 
 Plain data, without a file format, a plug-in or a process in it. The runner is written against these classes; the XML
 that fills them is read in :mod:`rtf.testing.suite.xml`, and choosing among tests is :mod:`rtf.testing.selection`.
@@ -37,14 +37,14 @@ class Isolation(StrEnum):
 
 
 class Expected(StrEnum):
-    """The outcome that is no surprise."""
+    """The expected outcome of a test."""
 
     PASS = "pass"  # noqa: S105 - an outcome, not a password
     FAIL = "fail"
 
 
 class LostPolicy(StrEnum):
-    """What becomes of a test whose fixture collapsed under it, once the fixture is up again."""
+    """The treatment of a test whose fixture collapsed under it, once the fixture is up again."""
 
     RERUN = "rerun"
     ERROR = "error"
@@ -74,11 +74,11 @@ class Timeouts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FixtureEntry:
-    """One thing that has to be up while tests run.
+    """A fixture of a suite.
 
     ``name`` is unique in the suite. ``backoff`` is the wait in seconds before the first restart and doubles with each
-    further one; ``check_period`` is in seconds too. ``on_lost`` None leaves the decision to the test that was lost.
-    In a plan it has the plug-in that was ``found``, or the ``problem``, which is why there is none.
+    further one; ``check_period`` is in seconds too. ``on_lost`` None leaves the decision to the test that was lost. In
+    a plan it has the plug-in that was ``found``, or the ``problem``, which is why there is none.
     """
 
     name: str
@@ -95,7 +95,7 @@ class FixtureEntry:
     timeouts: Timeouts = field(default_factory=Timeouts)
     on_lost: LostPolicy | None = None
     location: Location = _NOWHERE
-    found: PluginRef | None = field(default=None, repr=False)  # a fingerprint is of what the suite says
+    found: PluginRef | None = field(default=None, repr=False)  # not from the suite, and so not in the fingerprint
     problem: str = field(default="", repr=False)
 
 
@@ -147,14 +147,14 @@ class TestEntry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TestSuite:
-    """An ordered list of tests and the fixtures they stand on.
+    """An ordered list of tests, and their fixtures.
 
-    ``fixtures`` are in starting order: each stands behind those it depends on. ``timeouts`` are the defaults of the
+    ``fixtures`` are in starting order: each comes after those it depends on. ``timeouts`` are the defaults of the
     tests, ``timeout`` (seconds) bounds the whole suite. ``environment`` is the last one of the file; each test carries
     the one that applies to it. With ``copies`` so many suite workers may run its tests at the same time, each with
     fixtures of its own, whose ``param`` contains ``${copy}``: in a plan ``fixtures`` are those of the ``copy`` of this
-    number, and ``written`` are as the suite has them. Building an inconsistent suite raises SuiteError, so that
-    a runner need not check.
+    number, and ``written`` are as the suite has them. Building an inconsistent suite raises SuiteError, so that a
+    runner need not check.
     """
 
     __test__ = False
@@ -190,11 +190,11 @@ class TestSuite:
             _require_known(f"test {test.id!r}", test.fixtures or (), started, self.name)
 
     def timeouts_of(self, test: TestEntry) -> Timeouts:
-        """The limits of a test after the suite's defaults were filled in."""
+        """Return the limits of a test with the suite's defaults filled in."""
         return test.timeouts.inherit(self.timeouts)
 
     def fixtures_of(self, test: TestEntry) -> tuple[FixtureEntry, ...]:
-        """All fixtures a test stands on, also those its fixtures depend on, in starting order."""
+        """Return all fixtures of a test, also those its fixtures depend on, in starting order."""
         if test.fixtures is None:
             return self.fixtures
         needed = set(test.fixtures)
@@ -204,11 +204,11 @@ class TestSuite:
         return tuple(fixture for fixture in self.fixtures if fixture.name in needed)
 
     def with_tests(self, tests: Iterable[TestEntry]) -> TestSuite:
-        """The same suite with other tests, or with the same ones in another order."""
+        """Return the same suite with other tests, or with the same ones in another order."""
         return replace(self, tests=tuple(tests))
 
     def with_id(self, suite_id: str) -> TestSuite:
-        """The same suite under another id; its tests' ids and the requirements that name them follow."""
+        """Return the same suite under another id; its tests' ids and the requirements that name them follow."""
         if suite_id == self.id:
             return self
         renamed = {test.id: f"{suite_id}/{test.id.removeprefix(self.id + '/')}" for test in self.tests}
@@ -220,7 +220,7 @@ class TestSuite:
 
 
 def suite_id_of(name: str) -> str:
-    """The id a suite of this name has when it is the first of its name in a run."""
+    """Return the id of a suite of this name when it is the first of its name in a run."""
     return slug(name, "suite")
 
 

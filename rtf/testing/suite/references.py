@@ -1,4 +1,4 @@
-"""What refers to what inside a suite: fixtures to fixtures, tests to fixtures, tests to earlier tests."""
+"""References inside a suite: of fixtures to fixtures, of tests to fixtures, of tests to earlier tests."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _SHOWN = 20  # members of a circle, so that the message stays readable
 
 
 def order_fixtures(fixtures: Sequence[FixtureEntry], problems: DiagnosticLog) -> tuple[FixtureEntry, ...]:
-    """Sort fixtures so that each stands behind those it depends on, otherwise in file order.
+    """Sort fixtures so that each comes after those it depends on, otherwise in file order.
 
-    Fixtures that depend on something unknown, on something shorter lived, or on themselves in a circle are reported
-    and left out, together with those that depend on them.
+    Fixtures that depend on something unknown, on something shorter lived, or on themselves in a circle are reported and
+    left out, together with those that depend on them.
     """
     by_name = {fixture.name: fixture for fixture in fixtures}
     graph = {one.name: one.depends for one in fixtures if _dependencies_sound(one, by_name, problems)}
@@ -46,7 +46,7 @@ def order_fixtures(fixtures: Sequence[FixtureEntry], problems: DiagnosticLog) ->
 
 
 def _in_order(sorter: TopologicalSorter[str], names: Sequence[str]) -> Iterator[str]:
-    """The names that come out of the sorter, those that are ready at the same time in their given order."""
+    """Yield the names that come out of the sorter, those that are ready at the same time in their given order."""
     position = {name: index for index, name in enumerate(names)}
     ready: list[int] = []
     while True:
@@ -97,7 +97,7 @@ def resolve_requirements(tests: Sequence[TestEntry], suite_id: str, problems: Di
 
     A test is named by its id, by the id without the suite's part, or by its name; a name that several earlier tests
     share means all of them. A reference to another suite's test (an id with a slash) is left for the run to resolve.
-    Tests that require one that does not stand before them could never run: they are reported and left out.
+    Tests that require one that does not come before them could never run: they are reported and left out.
     """
     targets: dict[str, list[str]] = {}
     kept: list[TestEntry] = []

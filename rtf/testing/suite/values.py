@@ -1,6 +1,6 @@
 """The small languages inside a suite file: words, durations, whole numbers, variables, names of files.
 
-Pure functions on strings. Each raises ValueError with a sentence that fits behind "attribute x of <y>"; the caller adds
+Pure functions on strings. Each raises ValueError with a sentence that fits after "attribute x of <y>"; the caller adds
 the place.
 """
 
@@ -76,19 +76,19 @@ def substitute(text: str, bindings: Mapping[str, str]) -> str:
 
 
 def variables_in(text: str) -> list[str]:
-    """The names of the variables in a text."""
+    """Return the names of the variables in a text."""
     return _VARIABLE.findall(text) if "${" in text else []
 
 
 def plugin_stem(plugin: str) -> str:
-    """The name of a plug-in without folder and file ending: ``checks/arms.py::Left`` gives ``arms::Left``."""
+    """Return the name of a plug-in without folder and file ending: ``checks/arms.py::Left`` gives ``arms::Left``."""
     plugin, separator, class_name = plugin.partition("::")
     name = plugin.replace("\\", "/").rstrip("/").rpartition("/")[2] or plugin
     return (_SUFFIX.sub("", name, count=1) or name) + separator + class_name
 
 
 def parameter_file_stem(param: str) -> str:
-    """The stem of the file a parameter string names with ``--from``; empty when it names none."""
+    """Return the stem of the file that a parameter string names with ``--from``; empty if it names none."""
     match = _FROM_FILE.search(param)
     if match is None:
         return ""

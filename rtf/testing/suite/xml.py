@@ -1,4 +1,4 @@
-"""Loading a suite file: all that is wrong with it in one go, and the suite as far as it can be used.
+"""Loading a suite file: all its problems in one go, and the suite as far as it can be used.
 
 Files of the C++ framework load as they are, with its meaning: element names are compared without regard to case, white
 space is condensed, an ``<environment>`` is given to the tests that follow it. What a file may contain is listed in
@@ -112,7 +112,7 @@ def _read(path: Path) -> bytes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Surroundings:
-    """What holds at one place of a file: variables, loop values (outermost first), environment, defaults of tests."""
+    """The context at one place of a file: variables, loop values (outermost first), environment, defaults of tests."""
 
     bindings: Mapping[str, str]
     loop_values: tuple[str, ...] = ()
@@ -124,7 +124,7 @@ class _Surroundings:
     defaults: Mapping[str, Any] = field(default_factory=dict)  # of attributes of tests
 
     def within(self, suite: Given) -> _Surroundings:
-        """Add what a file says for all its tests, wherever in the file it says it."""
+        """Return the context with a file's settings for all its tests, wherever in the file they are."""
         return replace(
             self,
             fixture_environment=suite.text_of("environment", self.fixture_environment),
@@ -162,7 +162,7 @@ class _Loader:
         return suite if self._complete else None  # what refers to what cannot be judged when half of it is missing
 
     def _scan(self, data: bytes, file: str) -> Element | None:
-        """The root of a file, which may be only a part of it: then the suite is not complete."""
+        """Return the root of a file; of a broken file it has the part that was read, and the suite is not complete."""
         try:
             root = parse(data, file, self._problems.warning).root
         except XmlError as error:
@@ -307,7 +307,7 @@ class _Loader:
 
 
 def _sound_part(open_elements: tuple[Element, ...]) -> Element | None:
-    """What was read before the parser gave up, without the elements of which only a part is known."""
+    """Return what was read before the parser gave up, without the elements of which only a part is known."""
     for parent, element in zip(open_elements[-2::-1], open_elements[:0:-1], strict=True):
         if element.name not in _CONTAINERS:
             del parent.children[-1]
@@ -379,12 +379,12 @@ def _read_fixture(given: Given, around: _Surroundings, names: NameBook) -> Fixtu
 
 
 def _fields(said: Mapping[str, Any], names: Iterable[str]) -> dict[str, Any]:
-    """The fields of an entry that attributes of the same names fill; the others have their defaults."""
+    """Return the fields of an entry that attributes of the same names fill; the others have their defaults."""
     return {name.replace("-", "_"): said[name] for name in names if name in said}
 
 
 def _timeouts(suite: Given) -> Timeouts:
-    """The ``<timeout>`` of a file, for its tests; when there are several, the last one."""
+    """Return the ``<timeout>`` of a file, for its tests; when there are several, the last one."""
     timeouts = Timeouts()
     for index, given in enumerate(suite.children("timeout")):
         if index:
@@ -410,13 +410,13 @@ def _plugin(given: Given) -> str:
 
 
 def _tags(given: Given, inherited: tuple[str, ...]) -> tuple[str, ...]:
-    """The tags of an element together with those of the suite around it, sorted."""
+    """Return the tags of an element together with those of the suite around it, sorted."""
     own = given.get("tags", ())
     return tuple(sorted({*inherited, *own})) if own else inherited
 
 
 def _parameters(given: Given) -> tuple[tuple[str, str], ...]:
-    """The ``<parameter>`` children in file order."""
+    """Return the ``<parameter>`` children in file order."""
     values = []
     for parameter in given.children("parameter"):
         name, value = parameter.get("name"), parameter.body()

@@ -1,6 +1,6 @@
 """The process in which one generation of a fixture lives; ``fixture_process`` is the other end of its channel.
 
-SIGTERM makes it leave what it is doing and tear down. When its runner is gone it waits for the SIGTERM of the fork
+SIGTERM makes it leave its current step and tear down. When its runner is gone it waits for the SIGTERM of the fork
 server, which ends fixtures in order; when the fork server is gone the kernel sends it.
 """
 
@@ -41,7 +41,7 @@ ORPHAN_PATIENCE = 600.0
 
 
 class Host(Stoppable[msgspec.Struct]):
-    """Runs one fixture manager and speaks for it. Any thread may speak; the main thread does the work."""
+    """Runs one fixture manager and sends its messages. Any thread may send; the main thread does the work."""
 
     def __init__(self, job: Job, channel: Channel) -> None:
         super().__init__(channel.send)
@@ -72,11 +72,11 @@ class Host(Stoppable[msgspec.Struct]):
         )
 
     def output(self, text: object, stream: str) -> None:
-        """Send what a program of the fixture wrote: a line, or several."""
+        """Send what a program of the fixture wrote: one line, or several."""
         self.emit(OutputCaptured(stream=stream, text=bounded(str(text)) + "\n", fixture=self.name))
 
     def collapse(self, cause: object, *, hopeless: bool = False, **details: Any) -> None:
-        """Say that the fixture is not usable any more, and why; only the first cause is sent. From any thread."""
+        """Report that the fixture is not usable any more, and why; only the first cause is sent. From any thread."""
         text = str(cause) or "no reason was given"
         with self._cause_lock:
             if self._cause:
@@ -96,7 +96,7 @@ class Host(Stoppable[msgspec.Struct]):
         )
 
     def provide_value(self, key: str, value: object) -> None:
-        """Hand a value to the tests and fixtures on this one, and write it into the journal."""
+        """Send a value to the tests and fixtures on this one, and write it into the journal."""
         self._provided.add(key)
         self.emit(Provided(values={key: value}))
         self.message(Severity.INFO, "provides", f"{key} = {json.dumps(value)}")
@@ -128,7 +128,7 @@ class Host(Stoppable[msgspec.Struct]):
         return self._attempt(load, lambda error: self._raised(error, hopeless=True))
 
     def _set_up(self, manager: FixtureManager) -> bool:
-        """Set the fixture up and say that it is ready. False if it is not."""
+        """Set the fixture up and report that it is ready. Returns False if it is not."""
 
         def set_up() -> Ready:
             if self.generation > 1:
@@ -150,14 +150,14 @@ class Host(Stoppable[msgspec.Struct]):
         return True
 
     def _raised(self, error: BaseException, what: str = "", *, hopeless: bool = False) -> None:
-        """Say that the fixture is not usable because of an error, which ``what`` raised unless it is plain."""
+        """Report that the fixture is not usable because of an error, which ``what`` raised unless that is plain."""
         if isinstance(error, FixtureCollapsed):
             self.collapse(text_of(error), hopeless=hopeless)
         else:
             self.collapse(f"{what}{named_text_of(error)}", traceback=author_traceback(error), hopeless=hopeless)
 
     def _watch(self, manager: FixtureManager) -> None:
-        """Check once in a while, and obey, until the end is asked for."""
+        """Check regularly, and obey commands, until the fixture has to come down."""
         while not (self.stopped or self._runner_gone):
             command = self._next_command()
             kind = "check" if command is None else command.command
@@ -179,7 +179,7 @@ class Host(Stoppable[msgspec.Struct]):
         return self._attempt(lambda: self._receive(self._job.check_period), lambda _: self.lost_runner())
 
     def _receive(self, timeout: float) -> Command | None:
-        """Wait for a command. Why the fixture has collapsed, where the runner found that out, is kept."""
+        """Wait for a command. If the runner found that the fixture collapsed, keep the reason."""
         command = self._channel.receive(timeout)
         if not isinstance(command, Command):
             return None
@@ -210,7 +210,7 @@ class Host(Stoppable[msgspec.Struct]):
         self._last_step("teardown()", manager.teardown, stoppable=False)
 
     def _last_step(self, step: str, function: Callable[[], object], *, stoppable: bool = True) -> None:
-        """Do something on the way down: what goes wrong is reported, and a stop that came before has no effect."""
+        """Take a step of the way down: what goes wrong is reported, and a stop that came before has no effect."""
         self.emit(Doing(step))
         try:
             if stoppable:
@@ -225,7 +225,7 @@ class Host(Stoppable[msgspec.Struct]):
     # Being stopped from outside ----------------------------------------------------------------------------------
 
     def _attempt(self, function: Callable[[], T], failed: Callable[[BaseException], object]) -> T | None:
-        """Return the result of something that SIGTERM may end. An error goes to ``failed``, and None comes back."""
+        """Return the result of a function that SIGTERM may end. On an error call ``failed`` and return None."""
         try:
             return self.run_stoppable(function)
         except TestStopped:
@@ -235,7 +235,7 @@ class Host(Stoppable[msgspec.Struct]):
         return None
 
     def on_signal(self, _signum: int, _frame: FrameType | None) -> None:
-        """Leave what is being done, to tear down. Teardown itself is never left."""
+        """Leave the current step, to tear down. Teardown itself is never left."""
         self.stop("stopped by the runner")
 
     def _raise_stop(self) -> NoReturn:
@@ -243,12 +243,12 @@ class Host(Stoppable[msgspec.Struct]):
         super()._raise_stop()
 
     def lost_runner(self) -> None:
-        """Note that the runner is gone; the fixture still has to come down. Called by the channel in any thread."""
+        """Record that the runner is gone; the fixture still has to come down. Called by the channel in any thread."""
         self._runner_gone = True
 
 
 def host(job: Job, channel: Channel) -> int:
-    """Be the host of one generation of a fixture. Returns the exit status of the process."""
+    """Run one generation of a fixture. Returns the exit status of the process."""
     os.environ["RTF_RUN_FOLDER"] = job.run_folder
     os.environ.update(job.variables)
     keeper = Host(job, channel)

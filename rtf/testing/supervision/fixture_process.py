@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from rtf.testing.isolation.messages import Job
     from rtf.testing.suite.model import FixtureEntry
 
-#: Seconds that are allowed where the suite says nothing.
+#: The default limits in seconds.
 SETUP_LIMIT = 120.0
 TEARDOWN_LIMIT = 30.0
 #: A check that has not come back after this long is a collapse.
@@ -56,13 +56,13 @@ _PART_OF_STOP = 0.75
 
 #: Bytes a second of a fixture's output that the journal takes in the long run: 29 MB an hour.
 _OUTPUT_RATE = 8192.0
-#: Beyond these, what a fixture says is counted and left out.
+#: Beyond these, messages of a fixture are counted and left out.
 _MESSAGE_BYTES = 16 << 20
 _INCIDENTS = 100
 _COMPLAINTS = 5
 #: The steps on the way down, each of which begins once.
 _LAST_STEPS = ("on_collapse()", "enter_safe_state()", "teardown()")
-#: A process that says this much nonsense is not the one we started.
+#: After so many messages that are nonsense the fixture counts as collapsed.
 _NONSENSE_LIMIT = 1000
 
 
@@ -91,27 +91,27 @@ class Fixture:
 
     @property
     def name(self) -> str:
-        """The name under which the suite and its tests know it."""
+        """The name of the fixture in the suite and its tests."""
         return self.entry.name
 
     @property
     def ready(self) -> bool:
-        """Whether tests can run on it."""
+        """Whether tests can run on the fixture."""
         return self.state is FixtureState.READY
 
     @property
     def active(self) -> bool:
-        """Whether its end would be a collapse."""
+        """Whether an end of the fixture would be a collapse."""
         return self.state in (FixtureState.STARTING, FixtureState.READY)
 
     @property
     def used_up(self) -> bool:
-        """Whether it may not have another generation."""
+        """Whether the fixture has no restart left."""
         return bool(self.last_cause) and (self.restarts >= self.entry.restarts or self.hopeless)
 
     @property
     def failure(self) -> str:
-        """Why it is not usable any more, with the restarts it took."""
+        """Why the fixture is not usable any more, with the restarts it took."""
         times = f" ({self.restarts} restart{'s' if self.restarts > 1 else ''} used up)" if self.restarts else ""
         return f"{self.last_cause}{times}"
 
@@ -121,7 +121,7 @@ class Fixture:
         return self.safe_state_due and self.secures_robot
 
     def incident(self, cause: str, phase: Phase, end: End | None = None, output: str = "") -> FixtureIncident:
-        """Return what went wrong with this generation; ``end`` is that of its process."""
+        """Return the incident of this generation; ``end`` is that of its process."""
         return FixtureIncident(
             fixture=self.name,
             suite="",
@@ -134,7 +134,7 @@ class Fixture:
         )
 
     def change(self, state: FixtureState, detail: str = "") -> None:
-        """Go over to another state."""
+        """Emit a new state."""
         self.state = state
         pid = self.process.pid if self.process else 0
         self.emit(
@@ -142,18 +142,18 @@ class Fixture:
         )
 
     def collapse(self, incident: FixtureIncident) -> None:
-        """Take note that it is no longer usable, if it was up or coming up. The first cause counts."""
+        """Record that the fixture is no longer usable, if it was up or coming up. The first cause counts."""
         if self.active:
             self.last_cause = incident.cause
             self.report(incident)
             self.change(FixtureState.COLLAPSED, incident.cause)
 
     def report(self, incident: FixtureIncident) -> None:
-        """Report what went wrong, in its own name and now."""
+        """Emit an incident in the fixture's name, at the present time."""
         self.emit(replace(incident, time=clock.now(), fixture=self.name, generation=self.generation))
 
     def same_as(self, other: Fixture) -> bool:
-        """Whether two entries of suites mean the same thing, so that a fixture kept up for the run serves both."""
+        """Return whether two entries of suites are equal, so that a fixture kept up for the run serves both."""
         names = ("found", "problem", "param", "parameters", "environment", "depends")
         return all(getattr(self.entry, name) == getattr(other.entry, name) for name in names)
 
@@ -184,7 +184,7 @@ class FixtureProcess:
         #: What it provides for the tests and fixtures on it: variables of their environment, and values by key.
         self.variables: dict[str, str] = {}
         self.values: dict[str, Any] = {}
-        self._step = ""  # what it is doing; nothing yet: SIGTERM would only kill it
+        self._step = ""  # the current step; none yet: SIGTERM would only kill it
         self._phase = Phase.SETUP
         self._last_steps: set[str] = set()  # those that have begun
         self._interrupted = False  # it has been sent a signal to leave this step
@@ -199,7 +199,7 @@ class FixtureProcess:
         self._nonsense = 0
 
     def begin(self, job: Job) -> None:
-        """Have the process set the fixture up."""
+        """Make the process set the fixture up."""
         child = self._child
         child.mark_as_host()
         self.deadline = clock.Deadline.after(self._limit("setup()"))
@@ -231,14 +231,14 @@ class FixtureProcess:
         return self._fixture.ready and self._fixture.process is self
 
     def ask(self, command: str) -> None:
-        """Have it ``check`` or ``enter_safe_state`` now; ``answered`` becomes true when it has."""
+        """Request ``check`` or ``enter_safe_state``; ``answered`` becomes true when the process has done it."""
         self.answered = False
         if command == "enter_safe_state":
             self._enter("enter_safe_state()", Phase.CHECK)
         self._child.send(Command(command))
 
     def look(self) -> None:
-        """Notice that it has ended, fallen silent or cut its channel. Called after whatever happened."""
+        """Handle a process that has ended, fallen silent or closed its channel. Called after each event."""
         if not self._fixture.active:
             return
         phase, end = self._phase, self._child.end
@@ -251,7 +251,7 @@ class FixtureProcess:
             self._collapse(self._dump_stacks(), phase)  # also if it comes to its end while they are written
 
     def _dump_stacks(self) -> str:
-        """Have its stacks dumped, and say what takes too long."""
+        """Dump the stacks of the process, and return what takes too long."""
         cause = f"{self._step or 'setup()'} did not come back within {self.deadline.limit:g} s"
         if "(stopped)" in self._child.dump_stacks():
             cause += "; the process had been stopped by a signal"
@@ -261,7 +261,7 @@ class FixtureProcess:
     # Down --------------------------------------------------------------------------------------------------------
 
     def stop(self, reason: str) -> None:
-        """Have it torn down, within its time, and end it in any case. ``reason`` is why it collapsed, if it did."""
+        """Have the fixture torn down in time, and end the process in any case. ``reason`` is that of a collapse."""
         child = self._child
         try:
             if child.end is None:
@@ -283,13 +283,13 @@ class FixtureProcess:
         return self.deadline.expired or self._kill_now()
 
     def _interrupt(self) -> None:
-        """Have it leave what it is doing, so that it gets to its teardown."""
+        """Interrupt the current step, so that the fixture gets to its teardown."""
         self._interrupted = True
         self._child.interrupt(signal.SIGTERM)
         self.deadline = clock.Deadline.after(GRACE)
 
     def _press_on(self, phase: Phase) -> None:
-        """It does not come to its end: interrupt it, or kill it where that is no use."""
+        """Interrupt a step that exceeds its time, or kill the process where that is no use."""
         if self._kill_now():
             self._kill()
             by = self._stop_by()
@@ -366,7 +366,7 @@ class FixtureProcess:
             self._fixture.collapse(self._completed(message.incident))
 
     def _take_event(self, event: Message | FixtureIncident, size: int) -> None:
-        """Report an event, unless the fixture has said too much already."""
+        """Emit an event, unless the fixture has sent too much already."""
         self._bytes += size
         incident = isinstance(event, FixtureIncident)
         self._incidents += incident
@@ -400,7 +400,7 @@ class FixtureProcess:
             self._enter("check()" if answered else self._step, Phase.CHECK)
 
     def _begins(self, step: str) -> None:
-        """It has come to a step of its way down, each of which begins once; or it can be interrupted from now on."""
+        """Begin a step of the way down, each of which begins once; or allow interruptions from now on."""
         if step == "nothing":
             self._done = True
         elif step == "setup()" and not self._step:
@@ -414,7 +414,7 @@ class FixtureProcess:
             self._enter(step, Phase.TEARDOWN)
 
     def _completed(self, incident: FixtureIncident) -> FixtureIncident:
-        """The incident with the last lines of its output, and no longer than an event may be."""
+        """Return the incident with the last lines of its output, and no longer than an event may be."""
         return replace(
             incident,
             cause=bounded(incident.cause) or "no reason was given",

@@ -1,8 +1,8 @@
 """A program that a fixture runs: started without a shell, read, its end noticed at once, and always ended.
 
-For fixture plug-ins. What the program writes goes into the journal, and its end is the collapse of the fixture. It is
-the leader of a session of its own, so that it and what it starts can be signalled together and no terminal reaches it;
-it dies with the thread that started it, which therefore has to be the main thread of the fixture's process.
+For fixture plug-ins. The program's output goes into the journal, and its end is the collapse of the fixture. The
+program is the leader of a session of its own, so that it and its children can be signalled together and no terminal
+reaches it; it dies with the thread that started it, which therefore has to be the main thread of the fixture's process.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _numbers = itertools.count(1)
 
 @dataclass(frozen=True, slots=True)
 class ProgramEnd:
-    """How a program ended: ``exit_status``, or the name of a signal; ``str`` says it, as ``killed by SIGSEGV``."""
+    """The end of a program: ``exit_status``, or the name of a signal; ``str`` gives ``killed by SIGSEGV``."""
 
     exit_status: int | None
     signal: str
@@ -58,8 +58,8 @@ class FixtureProgram:
     """One run of a program. ``name`` is that for people, such as *the simulator*; else the program's file name.
 
     ``variables`` are added to the environment of the run. ``heard`` is called in a thread of its own with whole lines,
-    joined, without the last line end. An end that was not asked for with :meth:`stop` is announced as the fixture's
-    collapse at the moment it comes, with all that the program wrote handed on before.
+    joined, without the last line end. An end that was not asked for with :meth:`stop` is reported as the fixture's
+    collapse at once, after all output of the program was handed on.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class FixtureProgram:
         self._stopping = False
 
     def start(self) -> None:
-        """Start it. Raises FixtureUnusable, which names the program and the hint, when that is not possible."""
+        """Start the program. Raises FixtureUnusable, with the program and a hint, when that is not possible."""
         parent = os.getpid()
 
         def tie() -> None:
@@ -127,7 +127,7 @@ class FixtureProgram:
         return why_not_started(str(Path(self._directory or ".") / file), error)
 
     def await_ready(self, missing: Callable[[float], str], timeout: float) -> None:
-        """Wait until ``missing``, which is given the seconds that are left, says nothing.
+        """Wait until ``missing``, which is given the seconds that are left, returns an empty text.
 
         Raises FixtureCollapsed when the program ends, or with what is missing after ``timeout`` seconds.
         """
@@ -142,27 +142,27 @@ class FixtureProgram:
                 raise FixtureCollapsed(f"{self.name} was not ready after {timeout:g} s: {what}")
 
     def wait(self, timeout: float) -> bool:
-        """Wait at most ``timeout`` seconds for its end to be known. Any thread."""
+        """Wait at most ``timeout`` seconds for the program's end to be known. Any thread."""
         return self._ended.wait(timeout)
 
     def exited(self) -> bool:
-        """Whether it has ended, even if that has not been announced yet."""
+        """Return whether the program has ended, even if that has not been reported yet."""
         return self._pidfd >= 0 and bool(select.select([self._pidfd], [], [], 0)[0])
 
     def has_ended(self, timeout: float, *, lost: BaseException | None = None) -> bool:
-        """Whether it has ended; for this to be announced ``timeout`` seconds are waited.
+        """Return whether the program has ended; wait ``timeout`` seconds for the report of its end.
 
-        ``lost`` is what went wrong when it was asked something. A program that dies drops its connections before its
-        end can be seen, so that is waited for, too; not after a TimeoutError: what is silent may be alive.
+        ``lost`` is the error of a request to the program. A program that dies closes its connections before its end can
+        be seen, so that is waited for, too; not after a TimeoutError, because a silent program may be alive.
         """
         if isinstance(lost, TimeoutError) or (lost is None and not self.exited()):
             return False
         return self.wait(timeout) or self.exited()
 
     def stop(self, signum: int, timeout: float) -> bool:
-        """End it and everything it started: ``signum`` to the group, after ``timeout`` seconds SIGKILL, with a warning.
+        """End the program and its children: ``signum`` to the group, after ``timeout`` seconds SIGKILL, with a warning.
 
-        Returns whether it ended without being killed. Safe in every state, and more than once.
+        Returns whether the program ended without being killed. Safe in every state, and more than once.
         """
         process = self._process
         if process is None:
@@ -190,7 +190,7 @@ class FixtureProgram:
     # The thread --------------------------------------------------------------------------------------------------
 
     def _attend(self) -> None:
-        """Read what it writes until it has ended and its pipes are closed."""
+        """Read the program's output until it has ended and its pipes are closed."""
         assert self._process is not None
         for name, stream in (("stdout", self._process.stdout), ("stderr", self._process.stderr)):
             assert stream is not None
@@ -205,7 +205,7 @@ class FixtureProgram:
                 self._read(stream)
 
     def _read(self, stream: IO[bytes]) -> bool:
-        """Read once. False when there is nothing at the moment, or nothing more."""
+        """Read once. Returns False when there is nothing at the moment, or nothing more."""
         name, lines = self._streams[stream]
         try:
             data = os.read(stream.fileno(), _CHUNK)
@@ -222,7 +222,7 @@ class FixtureProgram:
         return bool(data)
 
     def _note_end(self) -> None:
-        """Look how it ended, without reaping it: until then no other process can get its number."""
+        """Read how the program ended, without reaping it: until then no other process can get its number."""
         for stream in [*self._streams]:
             for _ in range(_PIPE // _CHUNK):  # what it left in its pipe, and no more: a grandchild may write for ever
                 if not self._read(stream):

@@ -11,8 +11,8 @@ step                                                   server        simulator  
 up, in dependency order, each when the last is ready   ready #1      ready #1      ready #1
 the test runs; the server's program dies: ``watch()``
 emits an incident, and ``lost()`` says so              collapsed #1  ready #1      ready #1
-the test is stopped: *fixture lost*. Nobody knows what
-it left: ``enter_safe_state()`` asks those that are
+the test is stopped: *fixture lost*. The state is not
+known: ``enter_safe_state()`` asks those that are
 up, dependents first; it is still due at the server    collapsed #1  ready #1      ready #1
 ``bring_up(...)`` before the test is run again: what
 depends on the collapsed one comes down, then itself   stopped #1    stopped #1    ready #1
@@ -59,10 +59,10 @@ _INTERRUPTED = "interrupted"
 
 
 class Supervisor:
-    """Keeps a set of fixtures up. One thread's, with the reactor that thread waits in; each suite worker has its own.
+    """Keeps a set of fixtures up. For the one thread that waits in the reactor; each suite worker has its own.
 
-    ``stop_now`` says that nothing is to be started any more, ``kill_now`` that nothing is to be waited for either, and
-    ``stop_by`` when everything has to be down, of a run that has to end at once.
+    ``stop_now`` returns whether nothing may be started any more, ``kill_now`` whether nothing is waited for either, and
+    ``stop_by`` when everything has to be down, if a run has to end at once.
     """
 
     def __init__(
@@ -91,9 +91,10 @@ class Supervisor:
     # What the suite's run asks for -------------------------------------------------------------------------------
 
     def adopt(self, suite: str, fixtures: Iterable[Fixture]) -> None:
-        """Take over the fixtures of a suite, in dependency order. One that is known, and the same, stays as it is.
+        """Take over the fixtures of a suite, in dependency order. A fixture that is known, and equal, stays as it is.
 
-        One of the name and plug-in of one that was forgotten while its safe state was due enters it instead.
+        A fixture with the name and plug-in of one that was dropped while its safe state was due enters the safe state
+        instead.
         """
         self._suite = suite
         for fixture in fixtures:
@@ -118,22 +119,22 @@ class Supervisor:
         self._emit(event)
 
     def names(self) -> list[str]:
-        """The fixtures that are known, in dependency order."""
+        """Return the fixtures that are known, in dependency order."""
         return [*self._fixtures]
 
     def generations(self, names: Iterable[str]) -> dict[str, int]:
-        """The generation of each of these fixtures."""
+        """Return the generation of each of these fixtures."""
         return {name: self._fixtures[name].generation for name in names}
 
     def variables(self, names: Iterable[str]) -> tuple[tuple[str, str], ...]:
-        """The environment variables that these fixtures, and those they depend on, provide; the last one wins."""
+        """Return the environment variables that these fixtures, and those they depend on, provide; the last wins."""
         found: dict[str, str] = {}
         for process in self._processes(names).values():
             found |= process.variables
         return tuple(found.items())
 
     def values(self, names: Iterable[str]) -> dict[str, dict[str, Any]]:
-        """The values that these fixtures, and those they depend on, provide, by fixture."""
+        """Return the values that these fixtures, and those they depend on, provide, by fixture."""
         return {name: process.values for name, process in self._processes(names).items()}
 
     def _processes(self, names: Iterable[str]) -> dict[str, FixtureProcess]:
@@ -142,7 +143,7 @@ class Supervisor:
         }
 
     def lost(self, names: Iterable[str]) -> str:
-        """Say what happened to the first of these fixtures that is not up; empty when all are."""
+        """Return what happened to the first of these fixtures that is not up; empty when all are."""
         for name in names:
             fixture = self._fixtures[name]
             if not fixture.ready:
@@ -150,7 +151,7 @@ class Supervisor:
         return ""
 
     def slow_to_stop(self) -> dict[str, float]:
-        """The fixtures that declare that they need more time to come down than usual, with the seconds they need."""
+        """Return the fixtures that declare that they need longer to come down than usual, with their seconds."""
         return {
             fixture.name: fixture.stop_limit
             for fixture in self._fixtures.values()
@@ -158,10 +159,10 @@ class Supervisor:
         }
 
     def bring_up(self, names: Iterable[str]) -> str:
-        """Have these fixtures and what they depend on up, restarting what collapsed; says what is not usable.
+        """Bring up these fixtures and those they depend on, and restart collapsed ones; returns what is not usable.
 
-        Comes back with an empty text only when all of them are up at that moment: one that collapses while a later one
-        comes up is restarted, as long as it has restarts left. Says ``interrupted`` when the run is to stop.
+        The text is empty only when all of them are up at that moment: one that collapses while a later one comes up is
+        restarted, as long as it has restarts left. It is ``interrupted`` when the run is to stop.
         """
         wanted = self._with_dependencies(names)
         while True:
@@ -177,7 +178,7 @@ class Supervisor:
             self._start(missing)
 
     def confirm(self, names: Iterable[str]) -> None:
-        """Have these fixtures look now, so that nothing that happened under a test goes unnoticed."""
+        """Check these fixtures now, so that a collapse under a test does not go unnoticed."""
         self.watch()
         asked = [process for name in names if (process := self._up(name)) is not None]
         for process in asked:
@@ -185,7 +186,7 @@ class Supervisor:
         self._wait(lambda: all(process.answered or not process.up for process in asked))
 
     def enter_safe_state(self, names: Iterable[str]) -> None:
-        """Have what a stopped or killed test left brought into a safe state, dependents first.
+        """Bring what a stopped or killed test left into a safe state, dependents first.
 
         A fixture that is not up, or is lost meanwhile, is asked as soon as it is up again. When the run has to end at
         once, all are asked when they come down, which is next.
@@ -197,11 +198,11 @@ class Supervisor:
                 self._enter_safe_state(name)
 
     def take_down(self, names: Iterable[str]) -> None:
-        """Tear down these fixtures, dependents first; whatever goes wrong with one, all are done.
+        """Tear down these fixtures, dependents first; an error of one does not keep the others up.
 
-        One of a robot, which collapsed under a test that was cut short, comes up once more to bring it into its safe
-        state, whatever stops the run but force. Where it cannot, an incident says so.
-        Raises an ExceptionGroup, after all of them, if the supervision itself failed somewhere.
+        A fixture of a robot that collapsed under a test that was cut short comes up once more for the robot's safe
+        state, whatever stops the run but force. If it cannot, an incident says so. Raises an ExceptionGroup, after all
+        of them, if the supervision itself failed somewhere.
         """
         chosen = {*names}
         fixtures = [fixture for name, fixture in self._fixtures.items() if name in chosen]
@@ -239,7 +240,7 @@ class Supervisor:
         return [fixture for name, fixture in self._fixtures.items() if name in wanted]
 
     def _dependents(self, fixture: Fixture) -> list[Fixture]:
-        """The fixture and all that depend on it, directly or not; dependents last."""
+        """Return the fixture and all that depend on it, directly or not; dependents last."""
         found = {fixture.name}
         for other in self._fixtures.values():
             if found.intersection(other.entry.depends):
@@ -293,14 +294,14 @@ class Supervisor:
             self._fixtures[name].safe_state_due = not (process.answered and process.up)
 
     def _stops_waiting(self) -> bool:
-        """Whether a fixture is not to be waited for that enters its safe state; it does so again when it comes down."""
+        """Return whether not to wait for a fixture that enters its safe state; it does so again when it comes down."""
         return self._kill_now() if self._settling else self._in_a_hurry()
 
     def _in_a_hurry(self) -> bool:
         return self._stop_by().at != clock.FOREVER
 
     def _backed_off(self, fixture: Fixture) -> bool:
-        """Let the time before a restart pass. False when meanwhile the run is to stop, or what it needs collapsed."""
+        """Wait out the time before a restart. False when meanwhile the run is to stop, or a fixture below collapsed."""
         pause = clock.Deadline.after(min(_LONGEST_BACK_OFF, fixture.entry.backoff * 2.0**fixture.restarts))
         self._wait(lambda: pause.expired or self._no_longer_startable(fixture), pause)
         return not self._no_longer_startable(fixture)
@@ -314,7 +315,7 @@ class Supervisor:
     # While tests run ---------------------------------------------------------------------------------------------
 
     def deadline(self) -> clock.Deadline:
-        """The moment at which :meth:`watch` has something to do, if nothing is received before."""
+        """Return the moment at which :meth:`watch` has something to do, if nothing is received before."""
         deadline = clock.Deadline()
         for fixture in self._fixtures.values():
             if fixture.process is not None and fixture.state is not FixtureState.COLLAPSED:
@@ -322,13 +323,13 @@ class Supervisor:
         return deadline
 
     def watch(self) -> None:
-        """Notice fixtures whose process has ended, fallen silent or cut its channel; after whatever has happened."""
+        """Handle fixtures whose process has ended, fallen silent or closed its channel; after each event."""
         for fixture in self._fixtures.values():
             if fixture.process is not None:
                 fixture.process.look()
 
     def _wait(self, until: Callable[[], bool], limit: clock.Deadline | None = None) -> None:
-        """Serve the reactor until something holds. Every active fixture is held to its deadline meanwhile."""
+        """Serve the reactor until the condition holds, and watch the deadlines of all active fixtures."""
         limit = limit or clock.Deadline()
         while True:
             self.watch()
@@ -341,9 +342,10 @@ class Supervisor:
     # Down --------------------------------------------------------------------------------------------------------
 
     def _settle(self, fixture: Fixture) -> None:
-        """Have a fixture whose safe state is due come up once more for it, and report one that cannot.
+        """Start a fixture once more whose safe state is due, and report one that cannot enter it.
 
-        One that took it over from an earlier suite's, and that no test needed, hands it on without a report.
+        A fixture that took the due state over from an earlier suite's, and that no test needed, hands it on without a
+        report.
         """
         if not fixture.robot_unsafe or fixture.generation == 0 or fixture.ready:
             return  # one that is up enters its safe state when it is stopped
