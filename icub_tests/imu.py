@@ -19,6 +19,7 @@ from rtf.robot_testing.judging.orientations import each_once, sure_turn, turns_o
 from rtf.robot_testing.judging.robot_description import read_description
 from rtf.robot_testing.motion.start_position import late_joints
 from rtf.robot_testing.robot_name import robot_model
+from rtf.robot_testing.slides import in_metres, in_units
 from rtf.robot_testing.stream_test import StreamTest
 from rtf.robot_testing.streams.sensor_streams import MEASURES, sensors_of
 from rtf.robot_testing.streams.stream_statistics import stream_of
@@ -214,17 +215,19 @@ class Imu(StreamTest):
             self.measure(f"motion of {part.names[joint]}", moved, "deg")
             self.assert_error_if_false(
                 moved >= _SHARE * (high - low),
-                f"{part.names[joint]} moved by {moved:.1f} deg, not by {high - low:.1f}: nothing to compare",
+                f"{part.names[joint]} moved by {part.shown(joint, moved, '.1f')}, not by "
+                f"{part.shown(joint, high - low, '.1f')}: nothing to compare",
             )
 
     # Comparing ---------------------------------------------------------------------------------------------------
 
     def _angles(self, traces: Sequence[Trace]) -> tuple[FloatArray, dict[str, FloatArray]]:
-        """Return the times of the states, and the angles (rad) of all joints at these times."""
+        """Return the times of the states, and the positions (rad, m) of all joints at these times."""
         times = traces[0].time
         angles = {}
         for part, trace in zip(self.robot_parts, traces, strict=True):
-            own, positions = trace.time, np.radians(trace.positions)
+            turns = [in_metres(part.board, joint) is None for joint in range(part.axes)]
+            own, positions = trace.time, in_units(part.board, trace.positions) * np.where(turns, np.radians(1.0), 1.0)
             for joint, name in enumerate(part.names):
                 angles[name] = np.interp(times, own, positions[:, joint])
         return times, angles

@@ -16,12 +16,17 @@ if TYPE_CHECKING:
     from rtf.robot_testing import Trace
     from rtf.robot_testing.motion.routines import Routine
 
+#: The peak speed of a step's response, by the height of the step, 1/s: that of a critically damped loop of 10 Hz, as
+#: fast as those of robots are, is ``w / e``. A joint that cannot be so fast would show the limits of its motor.
+_PEAK_SPEED = 2 * math.pi * 10.0 / math.e
+
 
 class PositionControlAccuracy(StepTest):
     """Steps each joint in direct position mode, several times; judges rise, overshoot, settling, error and spread.
 
     Before a step the joint is commanded to its current position for a while. The controller has the robot's gains, or
-    those of the parameters; the robot's are restored afterwards.
+    those of the parameters; the robot's are restored afterwards. Slow joints have lower steps, which their greatest
+    speed allows.
     """
 
     aliases = ("positionControl-accuracy", "positionControlAccuracy", "PositionControl-accuracy")
@@ -57,9 +62,9 @@ class PositionControlAccuracy(StepTest):
         self.assert_error_if_true(fixed, f"no room for a step: the limits of {', '.join(fixed)} leave no range")
         self._give_gains()
         board = self.robot_part.board
-        self.hidden = {joint: self._hidden(board.pid(PidType.POSITION, joint)) for joint in self.chosen}
+        self.hidden = {joint: self._hidden(board.pid(PidType.POSITION, joint), joint) for joint in self.chosen}
 
-    def _hidden(self, pid: Pid) -> float:
+    def _hidden(self, pid: Pid, joint: int) -> float:
         """Return the standard deviation (deg) of the rest positions that friction allows a controller.
 
         Until its integral has grown, a joint rests anywhere in the interval in which the proportional part is less than
@@ -67,7 +72,7 @@ class PositionControlAccuracy(StepTest):
         such as those of fingers, have wider intervals. At most a quarter of the step is allowed.
         """
         reach = self.friction / 100.0 * abs(pid.max_output) / abs(pid.kp) if pid.kp else math.inf
-        return min(reach / math.sqrt(3.0), self.step / 4)
+        return min(reach / math.sqrt(3.0), self.room(joint) / 4)
 
     def most_spread(self, joint: int) -> float:
         return max(self.repeatability, self.hidden[joint])
@@ -83,7 +88,9 @@ class PositionControlAccuracy(StepTest):
             board.set_pid(PidType.POSITION, joint, pid._replace(**{name: gains[place] for name, gains in own.items()}))
 
     def room(self, joint: int) -> float:
-        return min(self.step, 0.5 * float(self.robot_part.high[joint] - self.robot_part.low[joint]))
+        part = self.robot_part
+        within = 0.5 * float(part.high[joint] - part.low[joint])
+        return min(self.step, within, float(part.fastest[joint]) / _PEAK_SPEED)
 
     def begin(self, joint: int) -> Routine[tuple[float, float]]:
         part, (home, sign) = self.robot_part, self.starts[joint]

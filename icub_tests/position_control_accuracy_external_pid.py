@@ -174,8 +174,10 @@ class PositionControlAccuracyExternalPid(CoupledStepTest):
         if not strong:
             self.skip(f"the gains of {part.name} are too small for a step of {self.step:g} deg; give Kp")
         if len(strong) < len(chosen):
-            left = ", ".join(part.names[joint] for joint in chosen if joint not in strong)
-            self.report(f"not stepped: {left}; a step of {self.step:g} deg gives less than {_STICTION:g} %: give Kp")
+            left = ", ".join(
+                f"{part.names[joint]} by {part.shown(joint, self.step, 'g')}" for joint in chosen if joint not in strong
+            )
+            self.report(f"not stepped: {left}; such a step gives less than {_STICTION:g} %: give Kp")
         return strong
 
     def room(self, joint: int) -> float:
@@ -208,8 +210,9 @@ class PositionControlAccuracyExternalPid(CoupledStepTest):
         position = float(state.values(Field.JOINT_POSITIONS)[joint])
         if abs(position - self.homes[joint]) > self.step + _RUNAWAY:
             raise GuardError(
-                f"{part.names[joint]} is at {position:.1f} deg, more than {_RUNAWAY:g} deg beyond a step of "
-                f"{self.step:g} deg from {self.homes[joint]:.1f} deg"
+                f"{part.names[joint]} is at {part.shown(joint, position, '.1f')}, more than "
+                f"{part.shown(joint, _RUNAWAY, 'g')} beyond a step of {part.shown(joint, self.step, 'g')} from "
+                f"{part.shown(joint, self.homes[joint], '.1f')}"
             )
         duty = self.pids[joint].output(command, position, stamp)
         duty += (self.pid_vup if command > position else self.pid_vdown) * float(self.ways[joint])

@@ -14,7 +14,7 @@ from rtf.robot_testing.judging.real_time_checks import loop_delay
 from rtf.robot_testing.judging.sine import RampedSine, fit_sine
 from rtf.robot_testing.motion.periodic_loop import ticks
 from rtf.robot_testing.motion.start_position import bring, late_joints, starting_point
-from rtf.robot_testing.slides import in_metres
+from rtf.robot_testing.slides import converted, in_metres
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -100,15 +100,17 @@ class PositionDirect(RobotTest):
 
     def _refuse_fast_sines(self, part: Part) -> None:
         speed = self.sine.greatest_speed
+        place = int(speed.argmax())
+        joint = self.chosen[place]
+        sine = f"a sine of {part.shown(joint, float(self.sine.amplitudes[place]), 'g')} at {self.frequency:g} Hz"
         self.assert_error_if_true(
-            float(speed.max()) * self.sample_time >= _LARGEST_STEP,
-            f"a sine of {self.amplitude:g} deg at {self.frequency:g} Hz, sent every {self.sample_time:g} s, steps by "
-            f"{speed.max() * self.sample_time:.1f} deg; less than {_LARGEST_STEP:g} deg is safe",
+            float(speed[place]) * self.sample_time >= _LARGEST_STEP,
+            f"{sine}, sent every {self.sample_time:g} s, steps by "
+            f"{part.shown(joint, float(speed[place]) * self.sample_time, '.1f')}; less than "
+            f"{part.shown(joint, _LARGEST_STEP, 'g')} is safe",
         )
         fast = [part.names[j] for j, most in zip(self.chosen, speed, strict=True) if most > part.fastest[j]]
-        self.assert_error_if_true(
-            fast, f"a sine of {self.amplitude:g} deg at {self.frequency:g} Hz is too fast for {', '.join(fast)}"
-        )
+        self.assert_error_if_true(fast, f"{sine} is too fast for {', '.join(fast)}")
 
     def run(self) -> None:
         """Test the forms in turn."""
@@ -259,7 +261,8 @@ class PositionDirect(RobotTest):
             self._gain(name, "amplitude", gain, "weak" if gain < 1 else "overshoot"),
             *(self._taken(name, column, run) if len(run.taken) else ()),
         )
-        values = [value.scaled(in_metres(self.robot_part.board, joint)) for value in values]
+        metres = in_metres(self.robot_part.board, joint)
+        values = [value.scaled(*converted(metres, value.symbol)) for value in values]
         judge_values(self, name, values, loop_delay(run.sent_at, self.sample_time))
 
     def _gain(self, name: str, what: str, gain: float, finding: str) -> CheckedValue:

@@ -85,7 +85,8 @@ class TorqueControlAccuracy(CoupledStepTest):
             step = min(step, _WEAKEST * most)
             self.assert_error_if_false(
                 abs(held + sign * step) <= most,
-                f"{part.names[joint]} is held by {held:.2f} Nm: a step of {step:g} Nm leaves its range of {most:g} Nm",
+                f"{part.names[joint]} is held by {part.shown_torque(joint, held)}: a step of "
+                f"{part.shown_torque(joint, step, 'g')} leaves its range of {part.shown_torque(joint, most, 'g')}",
             )
         entered = yield from self.entering(joint, ControlMode.TORQUE, held, torques)
         self.assert_true(

@@ -119,8 +119,9 @@ class TorqueControlConsistency(RobotTest):
             with self.subresult(f"{part.names[joint]} {form}"):
                 if gone[place] > _TRAVEL:
                     what = (
-                        f"{part.names[joint]} moved by {gone[place]:.1f} deg at torques within {self.change:g} Nm of "
-                        f"its holding torque; {_TRAVEL:g} deg are allowed"
+                        f"{part.names[joint]} moved by {part.shown(joint, gone[place], '.1f')} at torques within "
+                        f"{part.shown_torque(joint, self.change, 'g')} of its holding torque; "
+                        f"{part.shown(joint, _TRAVEL, 'g')} are allowed"
                     )
                     if excuse:  # they hold it for a moment only
                         self.inconclusive(f"{what}; but {excuse}")
@@ -165,12 +166,13 @@ class TorqueControlConsistency(RobotTest):
         return np.array([mode is ControlMode.TORQUE for mode in part.board.control_modes(joints)])
 
     def _judge(self, name: str, change: float, wanted: float, reported: float, measured: float, *, kept: bool) -> None:
-        what = f"{change:+g} Nm"
+        what = self.as_text(change, "Nm", "+g")
         if not self.check_fail_if_false(kept, f"{name} is not in torque mode at {what}; {likely_causes('mode')}"):
             return
         off = float(reported - wanted)
-        hint = f"{name} was commanded {wanted:.3f} Nm and reports {reported:.3f} Nm; {likely_causes('lost commands')}"
+        told = f"{name} was commanded {self.as_text(wanted, 'Nm', '.3f')} and"
+        hint = f"{told} reports {self.as_text(reported, 'Nm', '.3f')}; {likely_causes('lost commands')}"
         self.measure(f"reference that is read back, {what}", off, "Nm", -self.tolerance, self.tolerance, hint=hint)
         missing = float(measured - wanted)
-        hint = f"{name} was commanded {wanted:.2f} Nm and measures {measured:.2f} Nm; {likely_causes('torque answer')}"
+        hint = f"{told} measures {self.as_text(measured, 'Nm', '.3f')}; {likely_causes('torque answer')}"
         self.measure(f"measured minus told, {what}", missing, "Nm", low=-self.answer, high=self.answer, hint=hint)

@@ -155,12 +155,12 @@ class TorqueControlGravityConsistency(RobotTest):
 
         It also includes the torque that friction ``hides`` (Nm), unless gravity varies by more.
         """
-        little = f"{name}: gravity varies by {spread:.2f} Nm in these postures, too little to determine"
+        little = f"{name}: gravity varies by {self.as_text(spread, 'Nm')} in these postures, too little to determine"
         if hides >= _INVERTED * spread:
             self.skip(f"{little} a gain")
         known = spread > hides
         allowed = self.gain + line.slope_interval + (0.0 if known else hides / spread)
-        hint = f"{name} measures {line.slope:.2f} Nm for each Nm of gravity; {likely_causes('torque gain')}"
+        hint = f"{name} measures {line.slope:.2f} times the load of gravity; {likely_causes('torque gain')}"
         self.measure("gain", line.slope, "", low=1.0 - allowed, high=1.0 + allowed, hint=hint)
         if not known:
             self.skip(f"{little} more than a wrong sign of the gain")
@@ -175,7 +175,7 @@ class TorqueControlGravityConsistency(RobotTest):
         self.record("against the model", model=(model[order], "Nm"), measured=(measured[order], "Nm"))
         self.assert_fail_if_true(
             float(np.ptp(measured)) <= _STILL,
-            f"{name} measures {measured[0]:g} Nm in all postures; {likely_causes('torque dead')}",
+            f"{name} measures {self.as_text(measured[0], 'Nm', 'g')} in all postures; {likely_causes('torque dead')}",
         )
         line, spread = fit_line(model, measured), float(np.std(model))
         hides = max(_SPREAD, hidden / 2)
@@ -184,11 +184,12 @@ class TorqueControlGravityConsistency(RobotTest):
         # The offset is that of the line if the gain is known, otherwise the mean difference.
         offset = line.offset if spread > hides else float(np.mean(measured - model))
         most = max(self.offset, hidden)
-        hint = f"{name} measures {offset:+.2f} Nm beyond gravity; {likely_causes('torque offset')}"
+        hint = f"{name} measures {self.as_text(offset, 'Nm', '+.2f')} beyond gravity; {likely_causes('torque offset')}"
         self.measure("offset", offset, "Nm", low=-most, high=most, hint=hint)
         worst = float(np.abs(measured - model).max())
         hint = (
-            f"{name} measures up to {worst:.2f} Nm apart from gravity; {likely_causes('torque offset', 'torque gain')}"
+            f"{name} measures up to {self.as_text(worst, 'Nm')} apart from gravity; "
+            f"{likely_causes('torque offset', 'torque gain')}"
         )
         self.measure("greatest error", worst, "Nm", high=max(self.error, 2 * hidden), hint=hint)
         self.measure("left over, root mean square", line.rms, "Nm")

@@ -168,8 +168,9 @@ class TorqueControlStiffDampCheck(RobotTest):
         kept = part.board.impedance(joint)
         self.assert_true(
             np.allclose(kept, (spring, damper), rtol=0.01, atol=1e-6),
-            f"{part.names[joint]} was given a stiffness of {spring:g} Nm/deg and a damping of {damper:g} Nm s/deg, and "
-            f"has {kept[0]:g} and {kept[1]:g}",
+            f"{part.names[joint]} was given a stiffness of {self.as_text(spring, 'Nm/deg', 'g')} and a damping of "
+            f"{self.as_text(damper, 'Nm/deg s', 'g')}, and has {self.as_text(kept[0], 'Nm/deg', 'g')} and "
+            f"{self.as_text(kept[1], 'Nm/deg s', 'g')}",
         )
 
     def _push(self, part: Part, joint: int, home: float, spring: float, damper: float) -> None:
@@ -196,7 +197,8 @@ class TorqueControlStiffDampCheck(RobotTest):
         name = part.names[joint]
         if not self.confirm(
             f"{name} becomes compliant after your yes, and may sink: hold it now, and move it to and fro for "
-            f"{self.duration:g} s from then on, by less than {_TRAVEL:g} deg to either side. Do you hold it?"
+            f"{self.duration:g} s from then on, by less than {part.shown(joint, _TRAVEL, 'g')} to either side. "
+            "Do you hold it?"
         ):
             self.inconclusive(f"{name} was not moved")
 
@@ -205,7 +207,10 @@ class TorqueControlStiffDampCheck(RobotTest):
 
     def _look_after(self, part: Part, joint: int, home: float) -> None:
         if self._is_far(part, joint, home):
-            text = f"{part.names[joint]} is at {part.board.encoder(joint):.1f} deg, more than {_TRAVEL:g} deg from home"
+            text = (
+                f"{part.names[joint]} is at {part.shown(joint, part.board.encoder(joint), '.1f')}, more than "
+                f"{part.shown(joint, _TRAVEL, 'g')} from home"
+            )
             if not self.pushed:
                 self.inconclusive(
                     f"{text}: move it less; {likely_causes('runs away', 'impedance')} if it was not moved"
@@ -222,9 +227,10 @@ class TorqueControlStiffDampCheck(RobotTest):
         line = fit_line(moved, torques)
         slope = -line.slope / self._share_of_motion(name, what, moved)
         low, high = 1.0 - self.slope / 100.0, 1.0 + self.slope / 100.0
+        unit = "Nm/deg" if what == "stiffness" else "Nm/deg s"
         hint = (
-            f"{name}: {what} is {slope:.4g} Nm{'' if what == 'stiffness' else ' s'}/deg, and was set to "
-            f"{wanted:.4g}; {likely_causes('impedance')}"
+            f"{name}: {what} is {self.as_text(slope, unit, '.4g')}, and was set to "
+            f"{self.as_text(wanted, unit, '.4g')}; {likely_causes('impedance')}"
         )
         self.measure(f"{what}, share of what was set", slope / wanted, "", low, high, hint=hint)
         correlation = abs(line.correlation) if math.isfinite(line.correlation) else 0.0
@@ -250,7 +256,10 @@ class TorqueControlStiffDampCheck(RobotTest):
         self.measure(f"moved, {what}", reach, symbol)
         if reach >= least:
             return
-        text = f"{name} was moved by {reach:.2g} {symbol} to either side, {least:g} are needed to judge its {what}"
+        text = (
+            f"{name} was moved by {self.as_text(reach, symbol, '.2g')} to either side, "
+            f"{self.as_text(least, symbol, 'g')} are needed to judge its {what}"
+        )
         if self.pushed:
             self.assert_fail(f"{text}: it does not give way; {likely_causes('does not move')}")
         self.inconclusive(text)

@@ -32,7 +32,7 @@ from rtf.robot_testing.judging.real_time_checks import CpuPressure, overload
 from rtf.robot_testing.motion.part import Part
 from rtf.robot_testing.parameter_checks import refuse, wrong_lists
 from rtf.robot_testing.robot_name import ROBOT_VARIABLE, robot_model, robot_name
-from rtf.robot_testing.slides import converted, in_unit, open_board, slides_of
+from rtf.robot_testing.slides import as_text, converted, open_board, slides_of
 from rtf.robot_testing.thresholds import thresholds_for
 from rtf.simulator.control_client import SimulatorControl
 from rtf.testing import Parameter, TestCase, Unit
@@ -365,7 +365,11 @@ class RobotTest(TestCase):
 
     def shown(self, degrees: float, spec: str = ".2f", rate: str = "") -> str:
         """Return a position, distance or speed (``rate`` "/s") of the sub-result's joint as text, in its unit."""
-        return in_unit(self._metres(), degrees, spec, rate)
+        return self.as_text(degrees, f"deg{rate}", spec)
+
+    def as_text(self, value: float, symbol: str, spec: str = ".2f") -> str:
+        """Return a value of the sub-result's joint in ``symbol``, such as ``Nm``, as text, in its unit."""
+        return as_text(self._metres(), value, symbol, spec)
 
     def measure(
         self,
@@ -377,7 +381,7 @@ class RobotTest(TestCase):
         marginal: float | None = None,
         hint: str = "",
     ) -> Measurement:
-        """See TestCase. Values in degrees of a prismatic joint, in its sub-result, are reported in metres."""
+        """See TestCase. Values in degrees or Nm of a prismatic joint, in its sub-result, are reported in m or N."""
         factor, symbol = converted(self._metres(), str(symbol))
         low, high, marginal = (None if one is None else one * factor for one in (low, high, marginal))
         return super().measure(name, value * factor, symbol, low, high, marginal, hint)

@@ -3,7 +3,7 @@
 The parameters of tests, speeds, steps and tolerances, are in degrees. A prismatic joint of the robot's model has a
 number of metres that stands for one of them, by default a hundredth of its range (:attr:`rtf.robot.model.Axis.degree`):
 a joint that slides its whole way is then tested like one that turns by a hundred degrees. The client of its board
-converts: below it all is in metres, above it in degrees, and :func:`shown` and :func:`in_metres` convert back for
+converts: below it all is in metres, above it in degrees, and :func:`shown` and :func:`converted` convert back for
 messages and reports. A part without prismatic joints has the client that it would have anyway.
 """
 
@@ -204,24 +204,43 @@ def in_metres(board: object, joint: int) -> float | None:
     return float(board.degree[joint])
 
 
+def in_units(board: object, values: FloatArray, joints: Sequence[int] | None = None) -> FloatArray:
+    """Return positions or speeds of joints, by default of all, in the units of the robot's model: deg, or m.
+
+    The last axis of ``values`` is that of the joints.
+    """
+    if not isinstance(board, SlidingBoard):
+        return values
+    return values * (board.degree if joints is None else board.degree[list(joints)])
+
+
 def shown(board: object, joint: int, degrees: float, spec: str = ".2f", rate: str = "") -> str:
     """Return a position, distance or speed of a joint in its unit, as text; ``rate`` is ``/s`` for a speed.
 
     ``spec`` is the format of degrees; metres have two digits more behind the point.
     """
-    return in_unit(in_metres(board, joint), degrees, spec, rate)
+    return as_text(in_metres(board, joint), degrees, f"deg{rate}", spec)
 
 
-def in_unit(metres: float | None, degrees: float, spec: str = ".2f", rate: str = "") -> str:
-    """Return a number as text: in degrees, or where ``metres`` stand for one in metres."""
-    if metres is None:
-        return f"{degrees:{spec}} deg{rate}"
-    finer = _DIGITS.sub(lambda digits: f".{int(digits[1]) + 2}f", spec)
-    return f"{degrees * metres:{finer}} m{rate}"
+def as_text(metres: float | None, value: float, symbol: str, spec: str = ".2f") -> str:
+    """Return a value of a joint in ``symbol``, such as ``Nm`` or ``deg/s``, as text, in the unit of that joint."""
+    factor, unit = converted(metres, symbol)
+    if factor != 1.0:
+        spec = _DIGITS.sub(lambda digits: f".{int(digits[1]) + 2}f", spec)
+    return f"{value * factor:{spec}} {unit}"
 
 
 def converted(metres: float | None, symbol: str) -> tuple[float, str]:
-    """Return the factor and the unit in which values of a joint are reported that are in ``symbol``."""
-    if metres is None or not symbol.startswith("deg"):
+    """Return the factor and the unit in which values of a joint are reported that are in ``symbol``.
+
+    A joint that turns has ``metres`` None. For a prismatic one Nm, the unit of its commands and measured torques, is N.
+    """
+    if metres is None:
         return 1.0, symbol
-    return metres, f"m{symbol.removeprefix('deg')}"
+    if symbol.startswith("deg"):
+        return metres, f"m{symbol.removeprefix('deg')}"
+    torque, _, per_degree = symbol.partition("/deg")
+    if not torque.startswith("Nm"):
+        return 1.0, symbol
+    force = f"N{torque.removeprefix('Nm')}"
+    return (1.0 / metres, f"{force}/m{per_degree}") if torque != symbol else (1.0, force)

@@ -23,7 +23,7 @@ from rtf.robot_testing.judging.step_response import EXPLAINED, FEWEST, largest, 
 from rtf.robot_testing.motion.routines import pause, run_queues
 from rtf.robot_testing.motion.start_position import bringing, holding, starting_point
 from rtf.robot_testing.robot_test import RobotTest
-from rtf.robot_testing.slides import in_metres
+from rtf.robot_testing.slides import converted, in_metres
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -314,7 +314,8 @@ class StepTest(RobotTest):
         if late and punctual and any(value.wrong for value in values):
             self.report(f"{name}: {late[0]}: {len(late)} of {len(cycles)} steps are not judged")
             values, late = self.values(joint, punctual), []
-        values = [value.scaled(in_metres(self.robot_part.board, joint)) for value in values]
+        metres = in_metres(self.robot_part.board, joint)
+        values = [value.scaled(*converted(metres, value.symbol)) for value in values]
         judge_values(self, name, values, late[0] if late else "")
         self._require_visible_step(name, cycles)
 
@@ -328,8 +329,8 @@ class StepTest(RobotTest):
         noise, height = _noise(cycles), _lowest(cycles)
         if EXPLAINED * noise > height:
             self.inconclusive(
-                f"{name}: a step of {height:.3g} {self.symbol} is not visible in a noise of {noise:.2g} "
-                f"{self.symbol}; {likely_causes('noise')}"
+                f"{name}: a step of {self.as_text(height, self.symbol, '.3g')} is not visible in a noise of "
+                f"{self.as_text(noise, self.symbol, '.2g')}; {likely_causes('noise')}"
             )
 
     def values(self, joint: int, cycles: list[Cycle]) -> list[CheckedValue]:

@@ -90,7 +90,7 @@ def holding_torques(test: RobotTest, part: Part, joints: Sequence[int], seconds:
     if len(torques) >= _FEWEST:
         still = [joint for joint in joints if np.ptp(torques[:, joint]) == 0.0]
         dead = [joint for joint in still if torques[0, joint] == 0.0 or not test.simulated]
-        shown = ", ".join(f"{part.names[joint]} ({torques[0, joint]:g} Nm)" for joint in dead)
+        shown = ", ".join(f"{part.names[joint]} ({part.shown_torque(joint, torques[0, joint], 'g')})" for joint in dead)
         test.assert_error_if_true(
             dead,
             f"the measured torque does not change at all in {seconds:g} s: {shown}; {likely_causes('torque dead')}",

@@ -25,20 +25,24 @@ if TYPE_CHECKING:
 
 #: Random poses in which the loads of gravity and the inertias are computed.
 _POSES = 200
-#: The rotor's inertia, as a share of the greatest inertia of the links that a joint moves: behind a gear of 100 it is
-#: of this order, and the whole inertia then varies by less than a factor of five.
-_ROTOR = 0.3
-#: Without an effort in the description: this many times the greatest torque of gravity, and at least this (Nm, N).
+#: The rotor's inertia, seen from the joint, as a share of the greatest inertia of the links that the joint moves:
+#: behind a gear of 100 it is of this order, and the whole inertia then varies by less than a factor of three. But at
+#: least that of a motor that needs this time (s) to reach its greatest speed by its greatest torque: data sheets of
+#: small servo motors have mechanical time constants of 3 to 20 ms. With less, a per cent of duty cycle is a blow.
+_ROTOR, _TIME_CONSTANT = 0.5, 0.005
+#: Without an effort in the description, or with one that gravity takes most of: this many times the greatest torque of
+#: gravity, and at least this (Nm, N).
 _STRENGTH, _WEAKEST = 3.0, 0.1
-#: The acceleration (rad/s2, or what stands for it on a slide) that a drive gives its rotor at most: with more, a per
-#: cent of duty cycle is a blow.
-_WILD = 5000.0
+#: The least effort, as a multiple of the greatest torque of gravity: the nominal current, half the peak current, holds
+#: the joint in every pose, friction included.
+_BEARING = 2.2
 #: Dry friction as a share of the torque, and viscous friction as a share of the torque at the greatest speed.
 _DRY, _VISCOUS = 0.02, 0.05
 #: The position loop overcomes a dry friction with this error (rad), and a viscous one of this share of its damping.
 _SLACK, _SHARE = 0.008, 0.1
-#: Friction of a description that is this many times as great is that of another simulator.
-_LOST = 5.0
+#: Friction of a description that is this many times as great is that of another simulator; so is dry friction beyond
+#: this share of the torque: real drives have up to a tenth, with harmonic gears and cables.
+_LOST, _MOST_DRY = 5.0, 0.1
 #: Limits of a joint without any (deg, m), and the speed up to which a robot on a bench is moved (deg/s, m/s).
 _TURN, _SLIDE, _FAST, _FAST_SLIDE = 180.0, 0.1, 180.0, 0.25
 
@@ -126,7 +130,10 @@ outputLimitPercent = 95
 def _general_assumptions(description: Path, mimics: Sequence[str]) -> list[str]:
     found = [
         "motors: encoders of 4096 ticks a turn, 2.5 A nominal, 5 A peak, behind gears of 100:1, without couplings",
-        f"armature: {_ROTOR:g} of the greatest inertia of the links that a joint moves",
+        (
+            f"armature: {_ROTOR:g} of the greatest inertia of the links that a joint moves, at least what the greatest "
+            f"torque brings to the greatest speed in {1000 * _TIME_CONSTANT:g} ms"
+        ),
         f"friction: {_DRY:.0%} of the greatest torque dry, {_VISCOUS:.0%} of it viscous at the greatest speed, or less",
         "no outlines: the links do not collide; no sensors, no torque control, no joints that move together",
     ]
@@ -150,15 +157,10 @@ def _joint(joint: JointDescription, loads: _Loads, place: int, assumed: list[str
         assumed.append(f"{joint.name}: it has no limits; {low:g} to {high:g}")
     torque = joint.effort or 0.0
     need = float(loads.gravity[place])
-    if torque < 1.5 * need or not torque:
+    if torque < _BEARING * need or not torque:
         torque = float(f"{max(_STRENGTH * need, _WEAKEST):.3g}")
-        reason = f"less than gravity needs ({need:.3g})" if joint.effort else "none"
+        reason = f"less than gravity needs of a motor ({_BEARING * need:.3g})" if joint.effort else "none"
         assumed.append(f"{joint.name}: its effort in the description is {joint.effort or 0:g}, {reason}; {torque:g}")
-        words.append(f"max_torque = {torque}")
-    most = max(_STRENGTH * need, _WILD * radian * _ROTOR * float(loads.inertia[place]))
-    if torque > 2 * most:
-        assumed.append(f"{joint.name}: {most:.3g} in place of its effort of {torque:g}, for the inertia of its links")
-        torque = float(f"{most:.3g}")
         words.append(f"max_torque = {torque}")
     fast = min(_FAST_SLIDE, math.radians(_FAST) * radian) if joint.prismatic else _FAST
     speed = joint.max_velocity or fast / 2
@@ -166,8 +168,10 @@ def _joint(joint: JointDescription, loads: _Loads, place: int, assumed: list[str
         slowed.append(joint.name)
         speed = fast
     words.append(f"max_velocity = {speed:.6g}")
-    words.append(f"armature = {max(_ROTOR * float(loads.inertia[place]), joint.armature):.3g}")
-    friction, damping = _friction(joint, torque, speed, (_ROTOR * float(loads.inertia[place]), radian), assumed)
+    swiftest = speed if joint.prismatic else math.radians(speed)
+    rotor = max(_ROTOR * float(loads.inertia[place]), joint.armature, _TIME_CONSTANT * torque / swiftest)
+    words.append(f"armature = {rotor:.3g}")
+    friction, damping = _friction(joint, torque, swiftest, (rotor, radian), assumed)
     words.append(f"friction = {friction:.3g}")
     words.append(f"damping = {damping:.3g}")
     if joint.prismatic:
@@ -181,16 +185,17 @@ def _friction(
 ) -> tuple[float, float]:
     """Return dry (Nm, N) and viscous friction: the description's, unless a position loop could not overcome it.
 
-    ``rotor`` is its inertia, and what stands for a radian: 1, or the metres of a slide.
+    ``speed`` is the greatest one (rad/s, m/s); ``rotor`` its inertia, and what stands for a radian: 1, or the metres
+    of a slide.
     """
     inertia, radian = rotor
     swing = 2 * math.pi * BANDWIDTH
     most_dry, most_viscous = _SLACK * radian * inertia * swing**2, 2 * _SHARE * inertia * swing
     dry = min(_DRY * torque, most_dry)
-    viscous = min(_VISCOUS * torque / (speed if joint.prismatic else math.radians(speed)), most_viscous)
-    if joint.friction > _LOST * most_dry or joint.damping > _LOST * most_viscous:
+    viscous = min(_VISCOUS * torque / speed, most_viscous)
+    if joint.friction > min(_LOST * most_dry, _MOST_DRY * torque) or joint.damping > _LOST * most_viscous:
         assumed.append(
-            f"{joint.name}: too much friction in the description for its inertia ({joint.friction:g} dry, "
+            f"{joint.name}: too much friction in the description for its drive ({joint.friction:g} dry, "
             f"{joint.damping:g} viscous); {dry:.2g} and {viscous:.2g}"
         )
         return dry, viscous

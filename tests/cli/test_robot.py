@@ -137,7 +137,7 @@ def test_other_robots(tmp_path: Path, end: str):
 
 
 def test_missing_meshes_are_drawn_as_capsules(tmp_path: Path):
-    """Missing meshes are replaced by capsules, with a message; the draft can be built with cameras."""
+    """Missing meshes are replaced by capsules, with a message; the draft, whose joint has a space, can be drawn."""
     from rtf.simulator.plant import Options, build
 
     mesh = "<visual><geometry><mesh filename='package://nowhere/{}.stl'/></geometry></visual>"
@@ -145,7 +145,7 @@ def test_missing_meshes_are_drawn_as_capsules(tmp_path: Path):
     (tmp_path / "lost.urdf").write_text(
         f"<robot name='lost'><link name='base'/><link name='one'>{inertia}{mesh.format('one')}</link>"
         f"<link name='two'>{inertia.replace('.01', '0')}{mesh.format('two')}</link>"
-        "<joint name='first' type='revolute'><parent link='base'/><child link='one'/><axis xyz='0 1 0'/>"
+        "<joint name='first joint' type='revolute'><parent link='base'/><child link='one'/><axis xyz='0 1 0'/>"
         "<limit lower='-1' upper='1' effort='50' velocity='2'/></joint>"
         "<joint name='second' type='prismatic'><parent link='one'/><child link='two'/><origin xyz='0 0 .3'/>"
         "<axis xyz='0 0 1'/><limit lower='0' upper='0.2' effort='80' velocity='0.1'/></joint></robot>",
@@ -156,7 +156,7 @@ def test_missing_meshes_are_drawn_as_capsules(tmp_path: Path):
     assert "drawn as capsules, as their meshes are missing or not STL or OBJ: one, two" in made.stdout
     assert "two: no body has its inertia" in made.stdout
     lost = load_robot(str(tmp_path / "robots" / "lost"))
-    assert [axis.unit for axis in lost.axes] == ["deg", "m"]
+    assert [(axis.name, axis.unit) for axis in lost.axes] == [("first joint", "deg"), ("second", "m")]
     assert lost.axis("second").maximum == pytest.approx(0.2)
     assert build(lost, Options(cameras=True)).model.ngeom > build(lost).model.ngeom
 

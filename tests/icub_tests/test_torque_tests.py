@@ -144,7 +144,11 @@ def test_more_noise_than_motion_says_nothing():
 def test_an_operator_who_moves_a_joint_too_far_says_nothing_of_it():
     """It is held all the same; in the simulator, where nobody else moves it, it has run away."""
     test = load_test(find("test", "TorqueControlStiffDampCheck"))
-    part = SimpleNamespace(names=["j0"], board=SimpleNamespace(encoder=lambda _: 26.0))
+    part = SimpleNamespace(
+        names=["j0"],
+        board=SimpleNamespace(encoder=lambda _: 26.0),
+        shown=lambda _, degrees, spec: f"{degrees:{spec}} deg",
+    )
     for test.pushed, ends in ((False, Inconclusive), (True, GuardError)):
         with pytest.raises(ends, match="more than 25 deg from home"):
             test._look_after(part, 0, 0.0)

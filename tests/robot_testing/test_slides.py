@@ -20,7 +20,7 @@ from rtf.robot.interfaces import JointType, Pid, PidType
 from rtf.robot.model import find_robot, load_robot
 from rtf.robot_testing.guard.snapshot import sliding_joints
 from rtf.robot_testing.judging.checked_values import CheckedValue
-from rtf.robot_testing.slides import converted, open_board, shown, slides_of
+from rtf.robot_testing.slides import as_text, converted, in_units, open_board, shown, slides_of
 from waiting import eventually
 
 if TYPE_CHECKING:
@@ -125,6 +125,14 @@ def test_a_known_slide_is_tested_and_an_unknown_one_is_not(boards: tuple):
     assert sliding_joints(plain) == frozenset({1})
 
 
+def test_positions_of_the_model_are_in_its_units(boards: tuple):
+    """For forward kinematics and planned moves; the client of another board has them anyway."""
+    _, board, plain, _ = boards
+    assert in_units(board, np.array([[7.0, 50.0]])) == pytest.approx(np.array([[7.0, 0.15]]))
+    assert in_units(board, np.array([50.0]), [1]) == pytest.approx([0.15])
+    assert in_units(plain, np.array([7.0, 0.15])) == pytest.approx([7.0, 0.15])
+
+
 def test_what_is_shown_is_in_metres(boards: tuple):
     """Texts, measured values and recordings."""
     _, board, _, _ = boards
@@ -134,8 +142,11 @@ def test_what_is_shown_is_in_metres(boards: tuple):
     assert converted(DEGREE, "deg/s") == (DEGREE, "m/s")
     assert converted(DEGREE, "A") == (1.0, "A")
     assert converted(None, "deg") == (1.0, "deg")
-    assert CheckedValue("error", 2.0, "deg", 4.0).scaled(0.5) == CheckedValue("error", 1.0, "m", 2.0)
-    assert CheckedValue("delay", 2.0, "s", 4.0).scaled(0.5).symbol == "s"
+    assert CheckedValue("error", 2.0, "deg", 4.0).scaled(0.5, "m") == CheckedValue("error", 1.0, "m", 2.0)
+    assert as_text(DEGREE, 3.0, "Nm", ".1f") == "3.0 N"
+    assert as_text(None, 3.0, "Nm", "g") == "3 Nm"
+    assert as_text(DEGREE, 3.0, "Nm/deg", "g") == "1000 N/m"
+    assert as_text(DEGREE, 0.3, "Nm/deg s", "g") == "100 N/m s"
 
 
 def test_a_degree_is_a_share_of_the_range_unless_the_file_says_more(tmp_path: Path):

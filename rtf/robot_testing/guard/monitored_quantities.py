@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.errors import NotSupportedError, RefusedError, RobotError
+from rtf.robot_testing.slides import as_text, in_metres, shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -48,20 +50,26 @@ class MonitoredPart(NamedTuple):
 
 
 class MonitoredQuantity:
-    """A quantity of all joints with its limits ``most``. ``sentence`` has placeholders for a value and its limit.
+    """A quantity of all joints with its limits ``most``.
 
-    A joint without values is reported once as not watched. Values that stop for more than ``_SILENT`` s are a
+    ``describe`` returns the text for a joint, with the value that violates its limit, and the limit. A joint without
+    values is reported once as not watched. Values that stop for more than ``_SILENT`` s are a
     violation.
     """
 
     def __init__(
-        self, what: str, part: MonitoredPart, measure: Callable[[], FloatArray], most: FloatArray, sentence: str
+        self,
+        what: str,
+        part: MonitoredPart,
+        measure: Callable[[], FloatArray],
+        most: FloatArray,
+        describe: Callable[[int, float, float], str],
     ) -> None:
         self.what = what
         self._part = part
         self._measure = measure
         self._most = most
-        self._sentence = sentence
+        self._describe = describe
         self._measured = np.zeros(len(most), dtype=bool)
         self._missing_since = np.full(len(most), np.inf)  # since when the value is missing, s of the robot's clock
         self._reported: set[int] = set()
@@ -79,7 +87,7 @@ class MonitoredQuantity:
         except (NotSupportedError, RefusedError) as error:
             values, why = np.full(len(self._most), np.nan), str(error)
         most = self.most(values)
-        yield Violation(values > most, lambda joint: self._sentence.format(values[joint], most[joint]))
+        yield Violation(values > most, lambda joint: self._describe(joint, float(values[joint]), float(most[joint])))
         unknown = np.isnan(values) & np.isfinite(most)
         self._report(unknown, why)
         self._measured |= ~np.isnan(values)
@@ -109,8 +117,14 @@ class MonitoredSpeed(MonitoredQuantity):
     """
 
     def __init__(self, board: RemoteBoard, part: MonitoredPart, share: float, fastest: FloatArray) -> None:
-        sentence = "turns at {:.0f} deg/s, too fast: more than {:.0f} deg/s"
-        super().__init__("speed", part, board.encoder_speeds, fastest, sentence)
+        self._text = partial(shown, board, spec=".0f", rate="/s")
+        self._verbs = ["turns" if in_metres(board, joint) is None else "moves" for joint in range(len(fastest))]
+
+        def describe(joint: int, value: float, most: float) -> str:
+            text = self._text
+            return f"{self._verbs[joint]} at {text(joint, value)}, too fast: more than {text(joint, most)}"
+
+        super().__init__("speed", part, board.encoder_speeds, fastest, describe)
         self._commanded_speeds = board.reference_speeds
         self._modes, self._interactions = board.control_modes, board.interaction_modes
         self._fast_since = np.full(len(fastest), np.inf)  # since when a joint is too fast for a trajectory, s
@@ -147,8 +161,8 @@ class MonitoredSpeed(MonitoredQuantity):
         yield Violation(
             now - self._fast_since >= _CAUGHT,
             lambda joint: (
-                f"has turned at {values[joint]:.0f} deg/s for {_CAUGHT:g} s, too fast for its commanded "
-                f"{self._commanded[joint]:g} deg/s: more than {limit[joint]:.0f} deg/s"
+                f"{self._verbs[joint]} at {self._text(joint, values[joint])} for {_CAUGHT:g} s, too fast for its "
+                f"commanded {self._text(joint, self._commanded[joint])}: more than {self._text(joint, limit[joint])}"
             ),
         )
 
@@ -170,13 +184,23 @@ def state_quantities(
         found.append(MonitoredSpeed(board, part, limits.speed, fastest))
     if limits.current is not None:
         amperes = limits.current * np.array([most or np.inf for most in currents])
-        sentence = "draws {:.2f} A, too much: more than {:.2f} A"
-        found.append(MonitoredQuantity("current", part, board.currents, amperes, sentence))
+        found.append(
+            MonitoredQuantity(
+                "current", part, board.currents, amperes,
+                lambda _, value, most: f"draws {value:.2f} A, too much: more than {most:.2f} A",
+            )
+        )  # fmt: skip
     if limits.torque is not None:
         torques = limits.torque * greatest(board, lambda joint: max(map(abs, board.torque_range(joint))))
-        sentence = "has a torque of {:.1f} Nm, too much: more than {:.1f} Nm"
-        found.append(MonitoredQuantity("torque", part, board.torques, torques, sentence))
+        found.append(MonitoredQuantity("torque", part, board.torques, torques, partial(_describe_torque, board)))
     return [one for one in found if one.limited.any()]
+
+
+def _describe_torque(board: RemoteBoard, joint: int, value: float, most: float) -> str:
+    metres = in_metres(board, joint)
+    what = "torque" if metres is None else "force"
+    text = partial(as_text, metres, symbol="Nm", spec=".1f")
+    return f"has a {what} of {text(value)}, too much: more than {text(most)}"
 
 
 def temperatures(board: RemoteBoard, part: MonitoredPart, limits: Limits) -> MonitoredQuantity | None:
@@ -184,8 +208,10 @@ def temperatures(board: RemoteBoard, part: MonitoredPart, limits: Limits) -> Mon
     if limits.temperature is None:
         return None
     most = limits.temperature * greatest(board, board.temperature_limit)
-    sentence = "has {:.0f} degC, too hot: more than {:.0f} degC"
-    found = MonitoredQuantity("temperature", part, board.temperatures, most, sentence)
+    found = MonitoredQuantity(
+        "temperature", part, board.temperatures, most,
+        lambda _, value, limit: f"has {value:.0f} degC, too hot: more than {limit:.0f} degC",
+    )  # fmt: skip
     return found if found.limited.any() else None
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from functools import partial
 from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
@@ -26,6 +27,7 @@ from rtf.robot_testing.guard.restoration import RETURN_TIME, Restoration
 from rtf.robot_testing.guard.watches.joint_state import JointBounds
 from rtf.robot_testing.guard.watches.joint_watch import JointWatch
 from rtf.robot_testing.judging.real_time_checks import RecentCpuPressure
+from rtf.robot_testing.slides import in_units, shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -133,7 +135,8 @@ class MotionGuard(GuardedPart):
         )
         if self.snapshot.limits:
             outside = (positions < self._low) | (positions > self._high)
-            self._judge(Violation(outside, lambda joint: f"is at {positions[joint]:.1f} deg, beyond its limits"))
+            where = partial(shown, self.board, spec=".1f")
+            self._judge(Violation(outside, lambda joint: f"is at {where(joint, positions[joint])}, beyond its limits"))
         self._watch_motion()
 
     def _watch_way_back(self) -> None:
@@ -211,14 +214,15 @@ class MotionGuard(GuardedPart):
             return
         limits = np.array(self.snapshot.limits)
         kept = np.clip(targets, limits[joints, 0], limits[joints, 1]) if limits.size else targets
-        self._moves.check(self.name.rpartition("/")[2], joints, kept, speeds)
+        part = self.name.rpartition("/")[2]
+        self._moves.check(part, joints, in_units(self.board, kept, joints), in_units(self.board, speeds, joints))
 
     def _watch_ahead(self) -> None:
         """Stop all joints of a part before two links of the robot touch."""
         if self._moves is None or self.limits.contact is None:
             return
         speeds = self.board.encoder_speeds()
-        if wrong := self._moves.ahead(self.name.rpartition("/")[2], speeds):
+        if wrong := self._moves.ahead(self.name.rpartition("/")[2], in_units(self.board, speeds)):
             joint = int(np.nanargmax(np.abs(speeds)))
             text = (
                 f"{self.names[joint]} ({self.name} joint {joint}) goes on, and {wrong} within {AHEAD:g} s by the model"

@@ -27,13 +27,14 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot.model import RobotModel
 
-#: Greatest way of a joint between two checked poses, deg: 1 cm at the hand of a stretched arm of 0.5 m.
-STEP = 1.2
+#: Greatest way of a joint between two checked poses, deg: 1 cm at the hand of a stretched arm of 0.5 m; and of a
+#: prismatic joint, m.
+STEP, _SLIDE_STEP = 1.2, 0.01
 #: How far ahead the motion is checked, s: two ticks of 20 ms until a stop is commanded, a state of 10 ms of age, and
 #: 0.05 s in which a board stops a joint of 60 deg/s, as for the iCub's deceleration of 1000 deg/s².
 AHEAD = 0.1
-#: Joints that are slower, deg/s, cannot come far in that time.
-_SLOW = 2.0
+#: Joints that are slower, in such steps a second, cannot come far in that time.
+_SLOW = 1.7
 
 
 class RefusedMoveError(RefusedError, TestProblem):
@@ -52,16 +53,17 @@ class MoveCheck:
         self._plant = build(robot)
         self._data = self._plant.data()
         self._internal = np.array([axis.internal for axis in robot.axes])
+        self._steps = np.array([_SLIDE_STEP if axis.prismatic else STEP for axis in robot.axes])
 
     def pose(self) -> FloatArray:
-        """Return the present positions of all axes (deg). Raises StaleStateError."""
+        """Return the present positions of all axes (deg, m). Raises StaleStateError."""
         found: FloatArray = self._plant.home_axes / self._internal
         for part, read in self._positions.items():
             found[self._robot.part_slice(part)] = read()
         return found
 
     def problems(self, pose: FloatArray) -> dict[tuple[str, ...], str]:
-        """Return what is wrong with a pose (deg), a clause each: links that touch, points out of the workspace."""
+        """Return what is wrong with a pose (deg, m), a clause each: links that touch, points out of the workspace."""
         engine, model, data = mujoco(), self._plant.model, self._data
         data.qpos[:] = self._plant.pose(pose * self._internal)
         engine.mj_kinematics(model, data)
@@ -72,7 +74,9 @@ class MoveCheck:
         return found
 
     def check(self, part: str, joints: Sequence[int], targets: FloatArray, speeds: FloatArray) -> None:
-        """Check a move of joints of a part to targets (deg), with speeds (deg/s), along minimum-jerk trajectories.
+        """Check a move of joints of a part to targets, with speeds (a second), along minimum-jerk trajectories.
+
+        Both are in deg, or m of prismatic joints, as all positions here.
 
         Raises RefusedMoveError, with the links, and the place where they would touch.
         """
@@ -82,26 +86,30 @@ class MoveCheck:
         if not way.size or not np.isfinite(begin).all():
             return  # a joint without a position is stopped anyway
         times = np.abs(way) / speeds
-        count = max(1, math.ceil(float(np.abs(way).max()) / STEP))
+        count = max(1, math.ceil(float((np.abs(way) / self._steps[axes]).max())))
         before, pose = self.problems(begin), begin.copy()
         for moment in np.linspace(0.0, float(times.max()), count + 1)[1:]:
             share = np.minimum(1.0, moment / np.maximum(times, 1e-9))
             pose[axes] = begin[axes] + way * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
             found = self.problems(pose)
             if new := sorted(found.keys() - before.keys()):
-                names = [self._robot.axes[axis].name for axis in axes]
-                where = ", ".join(f"{name} at {pose[axis]:.1f} deg" for name, axis in zip(names, axes, strict=True))
+                moved = [self._robot.axes[axis] for axis in axes]
+                names = [axis.name for axis in moved]
+                places = zip(moved, pose[axes], strict=True)
+                where = ", ".join(
+                    f"{axis.name} at {place:{'.3f' if axis.prismatic else '.1f'}} {axis.unit}" for axis, place in places
+                )
                 raise RefusedMoveError(
                     f"{part}: the move of {', '.join(names)} is refused: by the model of {self._robot.name} "
                     f"{found[new[0]]}, with {where}; choose other targets or another order"
                 )
 
     def ahead(self, part: str, speeds: FloatArray) -> str:
-        """Return what will be wrong within ``AHEAD`` s if a part moves on with ``speeds`` (deg/s); "" if nothing."""
-        if not (np.abs(speeds) > _SLOW).any():
+        """Return what will be wrong within ``AHEAD`` s if a part moves on with ``speeds``; "" if nothing."""
+        span = self._robot.part_slice(part)
+        if not (np.abs(speeds) > _SLOW * self._steps[span]).any():
             return ""
         pose = self.pose()
-        span = self._robot.part_slice(part)
         low, high = np.array([(axis.minimum, axis.maximum) for axis in self._robot.axes[span]]).T
         before, here = self.problems(pose), pose[span].copy()
         pose[span] = np.clip(here + AHEAD * speeds, np.minimum(low, here), np.maximum(high, here))

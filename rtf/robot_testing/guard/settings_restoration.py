@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.interfaces import PidType
 from rtf.robot_testing.guard.snapshot import answered
+from rtf.robot_testing.slides import shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -50,7 +51,8 @@ class SettingsRestoration:
         before = self._before.limits
         if before and self._board.limits(joint) != before[joint]:
             self._board.set_limits(joint, *before[joint])
-            self._report(f"{self._names[joint]}: the limits are {before[joint]} deg again")
+            low, high = (shown(self._board, joint, one, "g") for one in before[joint])
+            self._report(f"{self._names[joint]}: the limits are {low} and {high} again")
 
     def _restore_impedance(self, joint: int) -> None:
         before = self._before.impedances[joint]

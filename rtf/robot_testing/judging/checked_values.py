@@ -34,12 +34,9 @@ class CheckedValue(NamedTuple):
         """Whether the value is out of bounds, or missing."""
         return not self.low <= self.value <= self.high
 
-    def scaled(self, metres: float | None) -> CheckedValue:
-        """Return the value in metres, if it is in degrees of a prismatic joint; ``metres`` stand for a degree."""
-        if metres is None or not self.symbol.startswith("deg"):
-            return self
-        symbol = f"m{self.symbol.removeprefix('deg')}"
-        return self._replace(value=self.value * metres, high=self.high * metres, low=self.low * metres, symbol=symbol)
+    def scaled(self, factor: float, symbol: str) -> CheckedValue:
+        """Return the value in another unit."""
+        return self._replace(value=self.value * factor, high=self.high * factor, low=self.low * factor, symbol=symbol)
 
     @property
     def text(self) -> str:

@@ -69,7 +69,10 @@ class GravityModel:
         return name in self._index
 
     def torques(self, positions: Mapping[str, float]) -> dict[str, float]:
-        """Return the torque of each axis (Nm) in a posture (deg); axes without a position are at home."""
+        """Return the torque of each axis (Nm, N) in a posture; axes without a position are at home.
+
+        Positions are in deg; of a prismatic joint in what stands for one, :attr:`rtf.robot.model.Axis.degree`.
+        """
         axes = self._home.copy()
         for name, degrees in positions.items():
             if name in self._index:

@@ -15,7 +15,7 @@ from rtf.robot_testing.guard.read_only_board import ReadOnlyBoard, UndeclaredMot
 from rtf.robot_testing.motion.joint_queues import queues
 from rtf.robot_testing.motion.routines import one_at_a_time, pause, run_to_end, until
 from rtf.robot_testing.motion.trace import Trace
-from rtf.robot_testing.slides import converted, in_metres, shown
+from rtf.robot_testing.slides import as_text, converted, in_metres, shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -137,6 +137,10 @@ class Part:
     def shown(self, joint: int, degrees: float, spec: str = ".2f", rate: str = "") -> str:
         """Return a position, distance or speed (``rate`` "/s") of a joint as text, in the joint's unit."""
         return shown(self.board, joint, degrees, spec, rate)
+
+    def shown_torque(self, joint: int, torque: float, spec: str = ".2f") -> str:
+        """Return a torque of a joint (Nm), or the force of a prismatic one (N), as text."""
+        return as_text(in_metres(self.board, joint), torque, "Nm", spec)
 
     def column(self, joint: int, degrees: FloatArray, rate: str = "") -> tuple[FloatArray, str]:
         """Return positions, or with a ``rate`` speeds, of a joint in its unit, with that unit, for a recording."""

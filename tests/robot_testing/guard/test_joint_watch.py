@@ -31,7 +31,7 @@ from rtf.simulator.robot import SimulatedRobot
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-BOUNDS = JointBounds(np.array([5.0]), np.array([10.0]), GuardTable())
+BOUNDS = JointBounds(np.array([5.0]), np.array([10.0]), GuardTable(), (None,))
 simulated = pytest.mark.skipif(
     not (find_spec("mujoco") and find_spec("icub_models")), reason="needs pip install 'rtf[sim]'"
 )
@@ -56,7 +56,7 @@ def test_the_heat_of_a_motor_is_i_squared_beyond_nominal(current: float, share: 
 
 def test_a_motor_of_unknown_currents_is_never_overloaded():
     """There is nothing to compare with."""
-    unknown = JointBounds(np.array([np.inf]), np.array([np.inf]), GuardTable())
+    unknown = JointBounds(np.array([np.inf]), np.array([np.inf]), GuardTable(), (None,))
     assert overload(state(currents=50.0), unknown) == 0.0
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from rtf.robot.errors import NotSupportedError, RefusedError
 from rtf.robot.model.file import GuardTable
+from rtf.robot_testing.slides import in_metres
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -50,6 +51,7 @@ class JointBounds:
     nominal: FloatArray  # A, infinite if unknown
     peak: FloatArray  # A
     profile: GuardTable
+    metres: tuple[float | None, ...]  # that stand for a degree of a prismatic joint; None of one that turns
 
     @classmethod
     def of(cls, board: RemoteBoard, names: Sequence[str], robot: RobotModel | None) -> JointBounds:
@@ -62,7 +64,8 @@ class JointBounds:
         else:
             nominal, peak = _asked(board.nominal_current, count), _asked(board.peak_current, count)
         known = (nominal > 0) & (peak > nominal)
-        return cls(np.where(known, nominal, np.inf), np.where(known, peak, np.inf), profile)
+        metres = tuple(in_metres(board, joint) for joint in range(count))
+        return cls(np.where(known, nominal, np.inf), np.where(known, peak, np.inf), profile, metres)
 
 
 def _asked(request: Callable[[int], float], count: int) -> FloatArray:

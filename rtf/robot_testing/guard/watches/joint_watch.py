@@ -20,6 +20,7 @@ from rtf.robot_testing.guard.watches.overload import overload
 from rtf.robot_testing.guard.watches.pressing import pressing
 from rtf.robot_testing.guard.watches.saturation import saturation
 from rtf.robot_testing.guard.watches.stall import may_stall, stall
+from rtf.robot_testing.slides import as_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Sequence
@@ -71,8 +72,9 @@ def _say_saturation(state: JointState, bounds: JointBounds, joint: int) -> str:
 
 
 def _say_stall(state: JointState, bounds: JointBounds, joint: int) -> str:
+    error = as_text(bounds.metres[joint], abs(float(state.errors[joint])), "deg", ".1f")
     return (
-        f"does not move although it is {abs(state.errors[joint]):.1f} deg from its setpoint and its duty cycle is "
+        f"does not move although it is {error} from its setpoint and its duty cycle is "
         f"{state.duties[joint]:.0f} %, for {bounds.profile.stalled_time:g} s"
     )
 
