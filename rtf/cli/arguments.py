@@ -1,4 +1,4 @@
-"""The command line of ``testrunner``: flat flags, those of the C++ framework with their names and meaning, and ours."""
+"""The command line of ``testrunner``: the C++ framework's flags with their names and meaning, and RTF's own."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ examples:
 
 
 def build_parser() -> Parser:
-    """The parser of the run command."""
+    """Return the parser of the run command."""
     parser = Parser(
         prog="testrunner",
         usage="testrunner [options] [SUITE|TEST|DIR ...]   or   testrunner COMMAND ...",
@@ -63,7 +63,7 @@ def parse_run(words: Sequence[str]) -> argparse.Namespace:
 
 
 def blank_options(words: Sequence[str]) -> argparse.Namespace:
-    """What the words of a run say, and None for each option of which they say nothing."""
+    """Return the options in the words of a run, and None for each option that they do not have."""
     parser = build_parser()
     blank = argparse.Namespace(**dict.fromkeys(action.dest for action in parser._actions))  # noqa: SLF001
     return parser.parse_known_intermixed_args(words, blank)[0]
@@ -92,7 +92,7 @@ def _what(group: argparse._ArgumentGroup) -> None:
 
 
 def add_reading_options(group: argparse._ActionsContainer) -> None:
-    """Add the options of how suites are read and what their tests are given, which running and validating share."""
+    """Add the options for reading suites and for values of their tests, which running and validating share."""
     add_pair = partial(group.add_argument, metavar="NAME=VALUE", type=key_value, action="append", default=[])
     add_pair("--define", help="replace ${NAME} in suite files")
     add_pair("--set", dest="overrides", help="set a parameter of every test; beats all other sources")
@@ -204,7 +204,7 @@ def _robot(group: argparse._ArgumentGroup) -> None:
 
 
 def add_report_options(group: argparse._ArgumentGroup) -> None:
-    """Add the options that say which reports are made, and how; the run and the report command share them."""
+    """Add the options that select reports; the run and the report command share them."""
     group.add_argument("-q", "--quiet", action="store_true", help="only what did not pass, and the verdict")
     group.add_argument(
         "-v", "--verbose", action="count", default=0, help="messages and measurements too; -vv: captured output too"
@@ -251,7 +251,7 @@ def add_report_options(group: argparse._ArgumentGroup) -> None:
 
 
 def add_page_options(group: argparse._ArgumentGroup) -> None:
-    """Add the options of the page that is live during the run."""
+    """Add the options of the live page."""
     group.add_argument(
         "-w",
         "--web-reporter",
@@ -263,7 +263,7 @@ def add_page_options(group: argparse._ArgumentGroup) -> None:
 
 
 def add_place_options(group: argparse._ActionsContainer) -> None:
-    """Add the options that say where a page is served."""
+    """Add the options of the address at which a page is served."""
     group.add_argument(
         "--web-port", metavar="PORT", type=port, default=8080, help="its port (default 8080; 0: any that is free)"
     )

@@ -1,4 +1,4 @@
-"""What a plan is and what is wrong with it, before a test is run: listing, dry run, validation."""
+"""Show a plan and its problems before a test is run: listing, dry run, validation."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _NOT_FOUND = "  NOT FOUND"
 
 
 def list_plan(plan: Plan) -> ExitCode:
-    """Print a plan, and below it why something of it is not found: where that was looked for ``--dry-run`` tells."""
+    """Print a plan, and below it why something is not found. ``--dry-run`` also prints where it was looked for."""
     show_plan(plan)
     missing = tuple(missing_of(plan))
     show_diagnostics(missing)
@@ -36,7 +36,7 @@ def list_plan(plan: Plan) -> ExitCode:
 
 
 def show_plan(plan: Plan) -> None:
-    """Print the tests of a plan, a line each: id, plug-in, tags, what it does to the robot, whether it is missing."""
+    """Print the tests of a plan, a line each: id, name, tags, safety class, whether it is missing."""
     show_diagnostics(plan.diagnostics)
     for suite in plan.suites:
         print(f"{suite.name}  ({suite.file or 'command line'})")
@@ -53,7 +53,7 @@ def show_plan(plan: Plan) -> None:
 
 
 def refuse(plan: Plan) -> ExitCode:
-    """Say why nothing is run: a suite that cannot be read whole is not the suite that was meant."""
+    """Report why nothing is run: a suite that cannot be read whole is not the suite that was meant."""
     show_diagnostics(plan.diagnostics)
     print(
         f"testrunner: nothing was run: {_counted(_errors(plan.diagnostics), 'error')} in the suite files",
@@ -63,7 +63,7 @@ def refuse(plan: Plan) -> ExitCode:
 
 
 def show_diagnostics(diagnostics: Iterable[Diagnosed]) -> None:
-    """Print what is wrong with files, and with the command line, to stderr, the way compilers do."""
+    """Print the diagnostics of files and of the command line to stderr, as compilers do."""
     for one in diagnostics:
         print(one, file=sys.stderr)
 
@@ -78,7 +78,7 @@ def dry_run(plan: Plan, options: argparse.Namespace) -> ExitCode:
 
 
 def validate(words: Sequence[str]) -> ExitCode:
-    """Say everything that is wrong in suite files, their plug-ins and their parameters; run nothing."""
+    """Report all problems of suite files, their plug-ins and their parameters; run nothing."""
     from rtf.cli.project import project_value
 
     parser = Parser(
@@ -110,7 +110,7 @@ def validate(words: Sequence[str]) -> ExitCode:
 
 
 def _loaded(path: Path, variables: dict[str, str], *, lenient: bool) -> Plan:
-    """The suite of a file, or all suites of a folder, where there has to be one."""
+    """Return the suite of a file, or all suites of a folder, which must have one."""
     if not path.is_dir():
         return load_files([(path, True)], variables, lenient=lenient)
     loaded = load_files([(file, False) for file in suite_files(path, recursive=True)], variables, lenient=lenient)
@@ -129,7 +129,7 @@ def _counted(number: int, noun: str) -> str:
 
 
 def problems_of(plan: Plan, overrides: Sequence[tuple[str, str]]) -> Iterator[Diagnosed]:
-    """What is wrong with the plug-ins of a plan and with the values they would be given, in order."""
+    """Yield the problems of a plan's plug-ins and of their values, in order."""
     entries = [*_entries(plan)]
     given = {  # --set is for tests
         id(entry): (entry.found, Use.of(entry, overrides if isinstance(entry, TestEntry) else ()))
@@ -155,7 +155,7 @@ def problems_of(plan: Plan, overrides: Sequence[tuple[str, str]]) -> Iterator[Di
 
 
 def missing_of(plan: Plan) -> Iterator[Diagnosed]:
-    """Why plug-ins of a plan are not found, a sentence each, without the places that were tried."""
+    """Yield why plug-ins of a plan are not found, a sentence each, without the places that were tried."""
     for suite, entry in _entries(plan):
         if entry.found is None:
             yield _diagnosed(suite, entry, entry.problem.partition("\n")[0])
@@ -170,7 +170,7 @@ def _entries(plan: Plan) -> Iterator[tuple[TestSuite, TestEntry | FixtureEntry]]
 def _diagnosed(
     suite: TestSuite, entry: TestEntry | FixtureEntry, text: str, severity: Severity = Severity.ERROR
 ) -> Diagnosed:
-    """What is wrong with an entry of a suite, at its place."""
+    """Return the diagnostic of an entry of a suite, at its place."""
     return diagnosed(severity, text, entry.location, suite=suite.id)
 
 
@@ -180,7 +180,7 @@ def _absent_part(
     values: dict[str, str],
     simulated: dict[tuple[str, str], dict[str, str]],
 ) -> str:
-    """Says that the simulated robot on which a test stands does not have its part. Of other robots nothing is known."""
+    """Return that the simulated robot of a test lacks its part, or an empty text; other robots are not known."""
     part = values.get("part", "")
     if not part or not isinstance(entry, TestEntry):
         return ""

@@ -44,7 +44,7 @@ class Command:
     on_network: bool = False
 
     def find(self, words: Sequence[str]) -> tuple[Command, list[str], list[str]]:
-        """The command that these words begin with, the names on the way to it, and the words that are left."""
+        """Return the command that these words begin with, the names on the way to it, and the words that are left."""
         for command in self.commands:
             if words and words[0] == command.name:
                 found, names, rest = command.find(words[1:])
@@ -52,7 +52,7 @@ class Command:
         return self, [self.name], [*words]
 
     def leaves(self, *above: str) -> Iterator[tuple[tuple[str, ...], Command]]:
-        """All commands that do something, each with the words that lead to it."""
+        """Yield all commands with a function, each with the words that lead to it."""
         if self.home:
             yield above, self
         for command in self.commands:
@@ -65,7 +65,7 @@ class Command:
         return loaded
 
     def listing(self) -> str:
-        """The commands below, a line each, under the headings of their groups."""
+        """Return the commands below, a line each, under the headings of their groups."""
         lines: list[str] = []
         group = ""
         for command in self.commands:
@@ -221,7 +221,7 @@ def _run(command: Command, program: str, words: Sequence[str]) -> int:
 
 
 def _tell(program: str, error: BaseException) -> ExitCode:
-    """Say what ended a command, and which exit code that is."""
+    """Report what ended a command, and return the exit code."""
     if isinstance(error, KeyboardInterrupt) or isinstance(error.__cause__, KeyboardInterrupt):  # a class was being made
         print(f"{program}: interrupted", file=sys.stderr)
         return ExitCode.INTERRUPTED
@@ -240,7 +240,7 @@ def _tell(program: str, error: BaseException) -> ExitCode:
 
 
 def _check_surroundings() -> None:
-    """See that the standard streams are open, so that no file takes their numbers, and that there is a folder."""
+    """Check that the standard streams are open, so that no file takes their numbers, and that there is a folder."""
     for descriptor in range(3):
         try:
             os.fstat(descriptor)

@@ -37,7 +37,7 @@ YARP4_SHARE = "yarp4"
 
 
 class _Shown(NamedTuple):
-    """A run of the demonstration: exit code, tests, what is not as expected, page, and a note for the last line."""
+    """A run of the demonstration: exit code, tests, unexpected results, page, and a note for the last line."""
 
     code: ExitCode
     tests: int
@@ -47,7 +47,7 @@ class _Shown(NamedTuple):
 
 
 def demo(words: Sequence[str]) -> ExitCode:
-    """Run the demonstration in a folder of its own, and compare."""
+    """Run the demonstration in a folder of its own, and compare it with what is expected."""
     parser = Parser(prog="rtf demo", description="Run the demonstration and check every verdict.")
     parser.add_argument("--runs", metavar="DIR", default="rtf-runs", help="where the folders of the runs are made")
     parser.add_argument("--quick", action="store_true", help="leave out the battery, which takes some minutes")
@@ -84,7 +84,7 @@ def _verdict(shown: Sequence[_Shown], wrong: Sequence[str]) -> ExitCode:
 
 
 def _show(what: str, show: Callable[[], list[str]]) -> list[str]:
-    """Print what something says; what is wrong with it, if anything is."""
+    """Print the lines of a function; return its error, if it raises one."""
     from rtf.errors import RtfError
 
     print()
@@ -96,7 +96,7 @@ def _show(what: str, show: Callable[[], list[str]]) -> list[str]:
 
 
 def _what_goes_wrong(runs: Path, rest: Sequence[str]) -> _Shown:
-    """The suite in which everything goes wrong that can."""
+    """Run the suite in which everything goes wrong that can."""
     from rtf.cli import testrunner
     from rtf.testing.plugins import shipped_folder
 
@@ -117,7 +117,7 @@ def _what_goes_wrong(runs: Path, rest: Sequence[str]) -> _Shown:
 
 
 def _can_simulate() -> bool:
-    """Whether what simulates a robot is installed; says what fixes it."""
+    """Return whether the packages of the simulator are installed; print a hint if not."""
     from rtf.robot.model import RobotModelError, default_robot
     from rtf.robot.model.engine import mujoco
     from rtf.robot.model.errors import MissingPackageError
@@ -132,7 +132,7 @@ def _can_simulate() -> bool:
 
 
 def _battery(runs: Path, dialect: Dialect | None) -> _Shown:
-    """All tests of a lab, on simulated robots of one dialect, or of both if none is set."""
+    """Run all tests of a lab, on simulated robots of one dialect, or of both if none is set."""
     from rtf.cli import testrunner
     from rtf.testing.plugins import shipped_folder
 
@@ -161,7 +161,7 @@ def battery_suites(dialect: Dialect | None) -> tuple[str, ...]:
 
 
 def _cameras() -> tuple[str, ...]:
-    """The suite of the cameras, where the machine can make pictures."""
+    """Return the suite of the cameras, if the machine can make pictures."""
     from rtf.simulator.errors import RenderingError
     from rtf.simulator.rendering import rendering_back_end
 
@@ -174,7 +174,7 @@ def _cameras() -> tuple[str, ...]:
 
 
 def compare(results: RunResult, expected: dict[str, dict[str, object]]) -> list[str]:
-    """What is not as expected, a line each."""
+    """Return the differences between results and expectations, a line each."""
     wrong = []
     for name, verdict in expected["verdicts"].items():
         test = results.tests.get(f"demo/{name}")
@@ -200,7 +200,7 @@ _TALK_LIMIT = 20.0
 
 
 def talk() -> list[str]:
-    """Have two programs talk over a network of their own; returns what happened, a line each.
+    """Run two programs that talk over a network of their own; return what happened, a line each.
 
     Raises MiddlewareError, or OSError, when they do not understand each other.
     """
@@ -264,11 +264,11 @@ _ROBOT_LIMIT = 60.0
 
 
 class DemonstrationError(RtfError, RuntimeError):
-    """Something that is shown did not happen."""
+    """Something that the demonstration shows did not happen."""
 
 
 def move(runs: Path) -> list[str]:
-    """Start a robot, move its arm through the network, keep what its left eye sees; says what happened, a line each.
+    """Start a robot, move its arm through the network, and keep a picture of its left eye; return what happened.
 
     Raises RtfError, or OSError, when something does not work.
     """
@@ -331,7 +331,7 @@ def _command(network: Network, runs: Path) -> list[str]:
 
 
 def _look(network: Network, runs: Path) -> str:
-    """Keep a picture of the left eye, where the machine can make one."""
+    """Keep a picture of the left eye, if the machine can make one."""
     from rtf.middleware.ports import remote
     from rtf.middleware.wire.contact import Contact
 

@@ -1,4 +1,4 @@
-"""``testrunner describe``: which plug-ins there are, and what one of them is for."""
+"""``testrunner describe``: the list of plug-ins, and the description of one."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def describe(words: Sequence[str]) -> ExitCode:
-    """Print what a plug-in is for, and its parameters."""
+    """Print the description of a plug-in, and its parameters."""
     from rtf.testing import plugins
     from rtf.testing.inspection import inspect_plugin, inspect_plugins
 
@@ -53,7 +53,7 @@ def _list_plugins(kind: str) -> ExitCode:
 
 
 def _in_text(ref: PluginRef, spec: PluginSpec) -> list[str]:
-    """The description for a terminal, as lines."""
+    """Return the description for a terminal, as lines."""
     title = spec.class_name or Path(ref.path).name
     also = [name for name in spec.names if name != title]
     others = f" (also: {', '.join(also)})" if also else ""
@@ -71,7 +71,7 @@ def _in_text(ref: PluginRef, spec: PluginSpec) -> list[str]:
 
 
 def _table(rows: Sequence[ParameterSpec]) -> list[str]:
-    """Parameters as an aligned table; columns that are empty throughout are left out."""
+    """Return parameters as an aligned table; columns that are empty throughout are left out."""
     columns = ("name", "type", "unit", "default", "range", "description")
     padded = []
     for column in columns:
@@ -83,7 +83,7 @@ def _table(rows: Sequence[ParameterSpec]) -> list[str]:
 
 
 def _markdown(spec: PluginSpec) -> str:
-    """The parameters as a Markdown table, for the documentation."""
+    """Return the parameters as a Markdown table, for the documentation."""
     head = "| parameter | type | unit | default | range | meaning |\n| --- | --- | --- | --- | --- | --- |\n"
     rows = [
         f"| `{row.name}` | {row.type} | {row.unit} | {_value_cell(row.default)} | {row.range} | {row.description} |"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rtf.cli.parser import UsageError, key_value
 
-#: What ``--device-ask`` asks for. A station may record any other key, too.
+#: The keys that ``--device-ask`` asks for. A station may record any other key, too.
 QUESTIONS = {
     "serial": "serial number",
     "part": "part number",
@@ -21,7 +21,7 @@ _KEY = re.compile(r"[A-Za-z][\w.-]*", re.ASCII)
 
 
 def add_device_options(group: argparse._ActionsContainer) -> None:
-    """Add the options that say which device is tested."""
+    """Add the options of the record of the device under test."""
     group.add_argument(
         "--device",
         metavar="KEY=VALUE",
@@ -41,7 +41,7 @@ def device_value(text: str) -> tuple[str, str]:
 
 
 def device_record(options: argparse.Namespace) -> dict[str, str]:
-    """The record of the device: from the file, then from the options, then from the operator. Raises UsageError."""
+    """Return the record of the device: from the file, then the options, then the operator. Raises UsageError."""
     record = _read(Path(options.device_file)) if options.device_file else {}
     record.update(options.device)
     return _asked(record) if options.device_ask else record

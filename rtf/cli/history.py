@@ -1,4 +1,4 @@
-"""``testrunner history``: what became of tests and measurements over the runs, and the care of the file."""
+"""``testrunner history``: tests and measurements over the runs, and the maintenance of the file."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ exit codes:
 
 
 def history(words: Sequence[str]) -> ExitCode:
-    """Show the history, or change what is in it."""
+    """Show the history, or change its contents."""
     options = _parser().parse_args(words)
     (said,) = project_value("history") or ("",)
     chosen = options.history or said
@@ -147,7 +147,7 @@ def _import_one(opened: History, path: Path) -> None:
 
 
 def _goes_on(journal: Path) -> bool:
-    """Whether a runner is writing the journal; it holds a lock as long as it lives."""
+    """Return whether a runner is writing the journal; it holds a lock as long as it lives."""
     if not journal.exists():
         return False
     with journal.open("rb") as stream:
@@ -156,7 +156,7 @@ def _goes_on(journal: Path) -> bool:
         except BlockingIOError:
             return True
         except OSError:
-            return False  # a file system that knows no locks has to be trusted
+            return False  # a file system without locks has to be trusted
     return False
 
 

@@ -1,7 +1,7 @@
-"""The history for people at a terminal: an overview, and everything about measurements that are named.
+"""The history for people at a terminal: an overview, and details of the measurements that are named.
 
-It writes what ``trends`` found, as aligned lines; colours carry nothing that the words do not say. Whatever tests say
-is shown with its control characters written out.
+It writes the results of ``trends`` as aligned lines; colours carry nothing that the words do not. Texts of tests are
+shown with their control characters escaped.
 """
 
 from __future__ import annotations
@@ -92,12 +92,12 @@ class Sheet:
         return Text(report_text.encodable(cell[0], self._encoding), style=cell[1], no_wrap=True)
 
     def glyph(self, pair: str) -> str:
-        """The glyph, or what stands for it."""
+        """Return the glyph, or its replacement in an encoding that lacks it."""
         return pair[self.plain]
 
 
 def overview(sheet: Sheet, found: dict[str, Any]) -> None:
-    """The last runs, and the tests and measurements that need a look."""
+    """Write the last runs, and the tests and measurements that need attention."""
     runs, tests, measurements = found["runs"], found["tests"], found["measurements"]
     sheet.title("Runs")
     sheet.table(_run_row(index, found) for index in reversed(range(max(0, len(runs) - _SHOWN_RUNS), len(runs))))
@@ -117,7 +117,7 @@ def overview(sheet: Sheet, found: dict[str, Any]) -> None:
 
 
 def details(sheet: Sheet, found: dict[str, Any]) -> None:
-    """All tests that were named, and all about each measurement."""
+    """Write all tests that were named, and everything about each measurement."""
     _tests(sheet, "Tests", found["tests"])
     for key, item in found["measurements"].items():
         sheet.title(_label(key))
@@ -146,7 +146,7 @@ def _run_row(index: int, found: dict[str, Any]) -> list[Cell]:
 
 
 def where(robot: str, station: str) -> str:
-    """The robot and its place in words."""
+    """Return the robot and its place in words."""
     return f"{one_line(robot) or 'unnamed robot'} on {one_line(station) or 'unnamed station'}"
 
 
@@ -160,7 +160,7 @@ def _tests(sheet: Sheet, title: str, tests: dict[str, Any]) -> None:
 
 
 def _fails(item: dict[str, Any]) -> bool:
-    """Whether the last that was said of a test is that it fails."""
+    """Return whether a test's last verdict is bad."""
     said = [verdict for verdict in item["verdicts"] if verdict is not None]
     return said[-1] in {verdict.value for verdict in Verdict if verdict.ran and not verdict.good}
 
@@ -193,7 +193,7 @@ def _label(key: str) -> str:
 
 
 def _brief(sheet: Sheet, title: str, items: dict[str, Any], last_words: Any) -> None:
-    """A line a measurement. ``last_words`` makes of one what its line ends with."""
+    """Write a line for each measurement. ``last_words`` returns the end of its line."""
     if items:
         sheet.title(title)
         sheet.table(
@@ -203,7 +203,7 @@ def _brief(sheet: Sheet, title: str, items: dict[str, Any], last_words: Any) -> 
 
 
 def _urgency(measurement: tuple[str, dict[str, Any]]) -> tuple[float, str]:
-    """What reaches its limit first comes first."""
+    """Return a sort key: the measurement that reaches its limit first comes first."""
     after = measurement[1]["drift"]["after"]
     return float("inf") if after is None else after, measurement[0]
 
@@ -265,14 +265,14 @@ def _drift_text(item: dict[str, Any]) -> str:
 
 
 def _scale(item: dict[str, Any]) -> tuple[float, float]:
-    """What the lowest and the highest bar stand for: the limits, and where there is none the extreme values."""
+    """Return the values of the lowest and the highest bar: the limits, or without one the extreme value."""
     values = [*middles(item["points"]).values()]
     _, _, low, high, _ = item["points"][-1]
     return min(values) if low is None else low, max(values) if high is None else high
 
 
 def _spark(sheet: Sheet, item: dict[str, Any], runs: int | None = None) -> str:
-    """A bar a run, and a cross for what is outside its limits; with ``runs`` also a mark for those without a value."""
+    """Return a bar for each run, or a cross if it failed; with ``runs`` also a mark for each run without a value."""
     values = middles(item["points"])
     failed = {point[0] for point in item["points"] if point[4] == MeasurementVerdict.FAILED}
     bottom, top = _scale(item) if values else (0.0, 0.0)

@@ -1,4 +1,4 @@
-"""``testrunner page``: the page of a run from its folder, served until Ctrl-C. What can be stopped is a live page."""
+"""``testrunner page``: the page of a run from its folder, served until Ctrl-C. Unlike the live page it stops no run."""
 
 from __future__ import annotations
 

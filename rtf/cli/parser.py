@@ -1,4 +1,4 @@
-"""What all command lines have in common: a parser that ends with our exit code, and the types of words."""
+"""What all command lines share: a parser that ends with RTF's exit code, and the types of words."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ _LAST_PORT = 65535
 
 
 class UsageError(RtfError, ValueError):
-    """The command line asks for something that cannot be done."""
+    """The command line asks for something that is not possible."""
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose usage errors end with our exit code; its help ends with the text as it is written."""
+    """An argument parser whose usage errors end with RTF's exit code; its help ends with the text as it is written."""
 
     def __init__(self, *, prog: str, description: str, usage: str | None = None, epilog: str | None = None) -> None:
         super().__init__(
@@ -40,7 +40,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def make_parser(word: str, description: str, example: str) -> Parser:
-    """A parser of a command of ``rtf`` whose help ends with an example: commands, a line each."""
+    """Return the parser of a command of ``rtf`` whose help ends with an example: commands, a line each."""
     epilog = "example:\n" + textwrap.indent(textwrap.dedent(example).strip(), "  ")
     parser = Parser(prog=f"rtf {word}", description="\n".join(textwrap.wrap(description, 100)), epilog=epilog)
     add_dialect(parser)

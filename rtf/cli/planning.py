@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 def make_plan(options: argparse.Namespace) -> Plan:
-    """Load, complete, select and order. Raises SuiteError for what the command line gets wrong."""
+    """Load, complete, select and order the tests. Raises SuiteError for mistakes of the command line."""
     loaded = _load(options)
     planner = Planner(options.overrides)
     suites = _select(planner.plan(loaded.suites), options)
@@ -45,7 +45,7 @@ def make_plan(options: argparse.Namespace) -> Plan:
 
 
 def _load(options: argparse.Namespace) -> Plan:
-    """All suites that the command line names: single tests as one suite, then what its words name, then options."""
+    """Return all suites of the command line: its tests as one suite, then those of its words, then of its options."""
     if "" in (options.test, options.tests, options.suites, *options.targets):
         raise UsageError("an empty word names no test, suite or folder; is a variable of the shell not set?")
     tests = [(options.test, options.type)] if options.test else []
@@ -69,13 +69,13 @@ def _load(options: argparse.Namespace) -> Plan:
 
 
 def _is_test(word: str) -> bool:
-    """Whether a word names a test plug-in: a file that is no suite file, or a class of a file."""
+    """Return whether a word names a test plug-in: a file that is no suite file, or a class of a file."""
     file = Path(word.partition("::")[0])
     return file.is_file() and file.suffix != ".xml"
 
 
 def _load_target(path: Path, options: argparse.Namespace) -> Plan:
-    """The suite of a file; all suites of a folder, or else all its tests. Raises UsageError when nothing is there."""
+    """Return the suite of a file, all suites of a folder, or else all its tests. Raises UsageError if there is none."""
     if path.is_file():
         return _load_suites([(path, True)], options)
     if not path.is_dir():
@@ -91,7 +91,7 @@ def _load_target(path: Path, options: argparse.Namespace) -> Plan:
 
 
 def _nothing_like(path: Path) -> str:
-    """Say that there is no such file or folder, and which name is near."""
+    """Return that there is no such file or folder, and which name is near."""
     from rtf.cli.command_tree import TESTRUNNER
 
     siblings = [one.name for one in path.parent.iterdir()] if path.parent.is_dir() else []
@@ -149,7 +149,7 @@ def _select(suites: tuple[TestSuite, ...], options: argparse.Namespace) -> tuple
 
 
 def _programs(suites: Sequence[TestSuite]) -> set[str]:
-    """The ids of the tests that are programs."""
+    """Return the ids of the tests that are programs."""
     tests = [test for suite in suites for test in suite.tests]
     return {test.id for test in tests if test.found is not None and test.found.language.startswith("executable")}
 
@@ -159,7 +159,7 @@ def _limited(test: TestEntry, limited: Mapping[str, Mapping[str, str]]) -> TestE
 
 
 def _from_first(suites: tuple[TestSuite, ...], failed: frozenset[str]) -> list[str]:
-    """The tests from the first one on that did not pass; all of them, if none of those is in the plan."""
+    """Return the tests from the first one on that did not pass; all of them, if none of those is in the plan."""
     ids = [test.id for suite in suites for test in suite.tests]
     programs = {program_of(test) for test in failed}
     first = next((index for index, test in enumerate(ids) if test in programs), 0)
@@ -175,7 +175,7 @@ def _failed_in(folder: Path, option: str) -> frozenset[str]:
 
 
 def fingerprints(plan: Plan) -> dict[str, str]:
-    """Return what each test of a plan is, by its id."""
+    """Return the fingerprint of each test of a plan, by its id."""
     return {test.id: fingerprint(suite, test) for suite in plan.suites for test in suite.tests}
 
 

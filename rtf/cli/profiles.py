@@ -1,7 +1,7 @@
-"""The robots that suites name, and whether the thresholds of their profiles are validated: what the head of a run says.
+"""The robots that suites name, and whether the thresholds of their profiles are validated, for the head of a run.
 
 A suite names a robot by ``--robotmodel`` in an environment, or by the parameter ``model`` of the fixture ``simulator``.
-Nothing is said of suites that name none.
+There are no entries for suites that name none.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _SIMULATOR = "simulator"
 def profiles_of(suites: Iterable[TestSuite]) -> tuple[dict[str, str], list[Diagnosed]]:
     """Return the origin of the thresholds of each robot, by ``profile.NAME``, and a warning if it is not validated.
 
-    A robot that cannot be read is said to be, too; its tests end with the same error.
+    The error of a robot that cannot be read is a warning, too; the robot's tests end with the same error.
     """
     facts: dict[str, str] = {}
     said: list[Diagnosed] = []

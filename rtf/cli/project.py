@@ -59,26 +59,26 @@ class Project:
     settings: tuple[Setting, ...]
 
     def in_front_of(self, words: Sequence[str]) -> list[str]:
-        """The words of a command line with those of the project in front; its suites only if no others are named."""
+        """Return the words of a command line after those of the project; its suites only if no others are named."""
         given = blank_options(words)
         selecting = any(getattr(given, name) for name in _SELECTING)
         settings = [one for one in self.settings if not (selecting and one.key == "suites")]
         return [*(word for one in settings for word in one.words), *words]
 
     def value(self, key: str) -> tuple[str, ...]:
-        """What the file says of a key, as texts; nothing, if it does not have it."""
+        """Return the project's values of a key, as texts; nothing if it does not have the key."""
         found = next((one.words for one in self.settings if one.key == key), ())
         return tuple(word.partition("=")[2] if word.startswith("--") else word for word in found)
 
 
 def project_value(key: str) -> tuple[str, ...]:
-    """What the project of the working folder says of a key, as texts. Raises UsageError."""
+    """Return the values of a key in the project of the working folder, as texts. Raises UsageError."""
     project = find_project(Path.cwd())
     return () if project is None else project.value(key)
 
 
 def find_project(folder: Path) -> Project | None:
-    """The nearest file with settings, in the folder or above it. Raises UsageError for what is wrong in it."""
+    """Return the nearest file with settings, in the folder or above it. Raises UsageError for mistakes in it."""
     for place in (folder, *folder.parents):
         for name, table in (("rtf.toml", ()), ("pyproject.toml", ("tool", "rtf"))):
             path = place / name
@@ -121,7 +121,7 @@ def _settings(path: Path, text: str, table: tuple[str, ...], values: dict[str, A
 
 
 def _flat(values: dict[str, Any]) -> Iterator[tuple[str, Any]]:
-    """The settings by dotted keys; a table of free keys is one setting."""
+    """Yield the settings by dotted keys; a table of free keys is one setting."""
     for key, value in values.items():
         if isinstance(value, dict) and key not in _PAIRS:
             yield from ((f"{key}.{name}", one) for name, one in value.items())
@@ -171,12 +171,12 @@ def _target(folder: Path, name: str) -> str:
 
 
 def _beside(folder: Path, name: str) -> str:
-    """A path of the file, from where the command is given."""
+    """Return a path of the file, relative to where the command is given."""
     return name if folder == Path.cwd() or Path(name).is_absolute() else str(folder / name)
 
 
 def _line_of(text: str, key: Sequence[str]) -> int:
-    """The line in which a key of a TOML file stands; that of its table, if it stands in a table of one line."""
+    """Return the line of a key in a TOML file; that of its table, if the table is written in one line."""
     header: tuple[str, ...] = ()
     best, depth = 1, 0
     for number, line in enumerate(text.splitlines(), 1):
@@ -193,7 +193,7 @@ def _line_of(text: str, key: Sequence[str]) -> int:
 
 
 def show_config(project: Project | None, words: Sequence[str]) -> Iterator[str]:
-    """What a command line and a project come to, a line a setting: its value, and where that is from."""
+    """Yield the settings of a command line and a project, a line each: the value, and its source."""
     yield f"project: {project.path if project is not None else 'no rtf.toml, and no [tool.rtf] in pyproject.toml'}"
     given = blank_options(words)
     places = {one.key: one.place for one in project.settings} if project is not None else {}

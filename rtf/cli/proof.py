@@ -1,4 +1,4 @@
-"""``rtf proof``: run every test on every fault it claims to find, and write down what came of it."""
+"""``rtf proof``: run every test on every fault that it claims to find, and write down the results."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def _cases(options: argparse.Namespace) -> list[Case]:
 
 
 def _unknown(tests: Sequence[str]) -> str:
-    """Says which of these tests claims nothing; empty when all of them do."""
+    """Return which of these tests claims nothing; empty when all of them claim something."""
     known = sorted({case.test for case in _claimed(fast=False, others=False)}) if tests else []
     for test in tests:
         if test not in known:
@@ -97,14 +97,14 @@ def _unknown(tests: Sequence[str]) -> str:
 
 
 def _nothing(options: argparse.Namespace) -> str:
-    """Says what has left no case."""
+    """Return the reason why no case is left."""
     of = f" of {' or '.join(options.test)}" if options.test else ""
     faults = f" with {' or '.join(options.fault)}" if options.fault else ""
     return f"there is no case{of}{faults}{' in the fast subset' if options.fast else ''}"
 
 
 def _claimed(tests: Sequence[str] = (), *, fast: bool, others: bool) -> list[Case]:
-    """The cases of these tests; of all of them, if none is named."""
+    """Return the cases of these tests; of all of them, if none is named."""
     from rtf.robot_testing.proof import cases_of, others_of, read_claims, read_reasons
     from rtf.testing.plugins import shipped_folder
 
@@ -120,7 +120,7 @@ def _claimed(tests: Sequence[str] = (), *, fast: bool, others: bool) -> list[Cas
 
 
 def _run(cases: Sequence[Case], folder: Path, jobs: int) -> tuple[ExitCode, dict[str, Case]]:
-    """Have the ordinary runner do it."""
+    """Run the cases with the ordinary runner."""
     import shutil
 
     from rtf.cli import testrunner
@@ -137,7 +137,7 @@ def _run(cases: Sequence[Case], folder: Path, jobs: int) -> tuple[ExitCode, dict
 
 
 def _resume(folder: Path) -> tuple[ExitCode, dict[str, Case]]:
-    """Go on with the run that is there, as it was begun: its suites say which cases it consists of."""
+    """Continue the run in the folder, as it was begun: its suites say which cases it consists of."""
     from rtf.cli import testrunner
     from rtf.robot_testing.proof import read_suites
 

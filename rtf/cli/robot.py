@@ -1,4 +1,4 @@
-"""``rtf robot``: the robots that can be tested, one looked at in full, and a draft for a new one."""
+"""``rtf robot``: the robots that can be tested, one of them in full, and a draft for a new one."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _PICTURE = (640, 480)
 
 
 def _told(command: Callable[[Sequence[str]], int]) -> Callable[[Sequence[str]], int]:
-    """A command that ends with 1 and a sentence when a robot cannot be read."""
+    """Wrap a command so that it ends with 1 and a sentence when a robot cannot be read."""
 
     def run(words: Sequence[str]) -> int:
         try:
@@ -57,7 +57,7 @@ def list_robots(words: Sequence[str]) -> int:
 
 @_told
 def check_robot(words: Sequence[str]) -> int:
-    """Read a robot, build it, and say what is wrong or assumed; 1 if a robot like this could not be tested."""
+    """Read a robot, build it, and report what is wrong or assumed; 1 if a robot like this could not be tested."""
     from rtf.robot.model import load_robot
     from rtf.robot_testing.thresholds import wrong_thresholds
     from rtf.simulator.plant import Options, build
@@ -109,7 +109,7 @@ def _print_joints(robot: RobotModel, gravity: Sequence[float]) -> None:
 
 
 def _draw(plant: Plant, path: Path) -> None:
-    """Draw the robot in its home pose and beside it in the safe ones, with its workspace."""
+    """Draw the robot in its home pose and in the safe ones, with its workspace."""
     from PIL import Image, ImageDraw, ImageFont
 
     from rtf.simulator.cameras import Camera
@@ -165,7 +165,7 @@ def new_robot(words: Sequence[str]) -> int:
 
 @_told
 def test_robot(words: Sequence[str]) -> int:
-    """Run the suites of ``suites/any`` on a simulated robot: those whose subject the robot has."""
+    """Run the suites of ``suites/any`` for which a simulated robot has the parts."""
     from rtf.cli import testrunner
     from rtf.cli.arguments import parse_run
     from rtf.robot.model import load_robot

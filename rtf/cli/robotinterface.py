@@ -48,7 +48,7 @@ exit codes:
 
 
 def robotinterface(words: Sequence[str]) -> int:
-    """Run a robot, or draw what would be done; returns the exit code."""
+    """Run a robot, or draw its actions; returns the exit code."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(encoding="utf-8", errors="backslashreplace")  # whatever the locale
@@ -112,7 +112,7 @@ def _parser() -> Parser:
 
 
 def _given(words: Sequence[str], others: Sequence[str]) -> Property:
-    """What parameters can ask for: the whole command line."""
+    """Return what parameters can refer to: the whole command line."""
     if others and not others[0].startswith("--"):
         _parser().error(f"{others[0]!r} stands alone; write --KEY before a value")
     given = parse_arguments(words)

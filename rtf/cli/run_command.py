@@ -1,4 +1,4 @@
-"""The run command: what its words and a project's defaults come to, and how a run is begun or resumed."""
+"""The run command: its words and a project's defaults become options, and a run is begun or resumed."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def _execute(options: argparse.Namespace, words: Sequence[str]) -> int:
     if not (options.list or options.dry_run or options.isolation == "none"):
         from rtf.testing.isolation.launch import launch
 
-        launched = launch()  # first of all: it gets ready while the suites are read, and ends with us if nothing is run
+        launched = launch()  # first: it starts while the suites are read, and ends with this process
     from rtf.cli import running
     from rtf.cli.planning import make_plan
 
@@ -67,7 +67,7 @@ def _execute(options: argparse.Namespace, words: Sequence[str]) -> int:
     return int(running.execute(planned, running.run_options(options, folder, words), options, launched))
 
 
-#: What a resumed run takes from the new command line, where it is given there.
+#: Options that a resumed run takes from the new command line, if they are there.
 _OF_REPORTING = (
     *("junit", "junit_family", "json", "ctrf", "html", "report", "quiet", "verbose", "detail", "no_summary"),
     *("style", "color", "output", "output_type", "no_output", "compare", "history"),
@@ -75,12 +75,12 @@ _OF_REPORTING = (
 )
 
 
-#: What else may be given with ``--resume``; values of ``--set`` are those of secret parameters.
+#: Other options that are allowed with ``--resume``; values of ``--set`` are those of secret parameters.
 _OF_RESUMING = ("resume", "overrides", "allow_motion", "wait", "no_config")
 
 
 def _refuse_others(words: Sequence[str]) -> None:
-    """Refuse what a resumed run would not heed. Raises UsageError."""
+    """Refuse options that a resumed run would ignore. Raises UsageError."""
     from rtf.cli.arguments import blank_options, build_parser
     from rtf.cli.parser import UsageError
 
@@ -93,7 +93,7 @@ def _refuse_others(words: Sequence[str]) -> None:
 
 
 def _resume(options: argparse.Namespace, words: Sequence[str]) -> int:
-    """Go on with a run: its own command line decides what it consists of; reporting follows the new one."""
+    """Continue a run: its own command line decides what it consists of; reporting follows the new one."""
     _refuse_others(words)
     from dataclasses import replace
 
@@ -115,7 +115,7 @@ def _resume(options: argparse.Namespace, words: Sequence[str]) -> int:
     original = parse_run(started.command)
     _give_secrets_again(original, options)
     original.device, original.device_file, original.device_ask = [*started.device.items()], None, False
-    original.planned = before.programs() if before.plan_is_whole else None  # whatever it was that selected them then
+    original.planned = before.programs() if before.plan_is_whole else None  # whichever options selected them then
     original.limited = before.limited() if before.plan_is_whole else {}
     for name in _OF_REPORTING:
         if getattr(options, name) != build_parser().get_default(name):
@@ -140,7 +140,7 @@ def _resume(options: argparse.Namespace, words: Sequence[str]) -> int:
 
 
 def _give_secrets_again(original: argparse.Namespace, given: argparse.Namespace) -> None:
-    """Fill in the values that are not written down. Raises SuiteError, which names those that are still missing."""
+    """Fill in the secret values, which are not written down. Raises SuiteError with those that are still missing."""
     from rtf.testing.secret_values import MASK
     from rtf.testing.suite.model import SuiteError
 
@@ -161,7 +161,7 @@ def _give_secrets_again(original: argparse.Namespace, given: argparse.Namespace)
 
 
 def _absolute_targets(original: argparse.Namespace, here: Path, *, given: argparse.Namespace) -> None:
-    """Report files named now are relative to where the user is now, not to where the run was begun."""
+    """Make report files of the new command line relative to the present folder, not to that of the run's start."""
     for name in ("junit", "json", "ctrf", "html", "output", "compare", "history"):
         if getattr(given, name):
             setattr(original, name, str(here / getattr(given, name)))

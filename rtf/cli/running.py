@@ -50,7 +50,7 @@ def make_run_folder(options: argparse.Namespace, plan: Plan) -> Path:
 
 
 def run_options(options: argparse.Namespace, folder: Path, words: Sequence[str]) -> RunOptions:
-    """The options of the runner."""
+    """Return the options of the runner."""
     from rtf.testing.isolation.attempt import GRACE
     from rtf.testing.run_control import Control
     from rtf.testing.runner import RunOptions
@@ -84,7 +84,7 @@ def run_options(options: argparse.Namespace, folder: Path, words: Sequence[str])
 
 
 def _terminal() -> str:
-    """The device of the terminal at which tests are debugged."""
+    """Return the device of the terminal at which tests are debugged."""
     if not sys.stdin.isatty():
         raise SuiteError("--debug needs a terminal as its input; start it in one, without a pipe")
     return os.ttyname(sys.stdin.fileno())
@@ -99,7 +99,7 @@ def _memory(mebibytes: int | None) -> int:
 
 
 def make_room_for_files(jobs: int) -> None:
-    """Allow as many open files as a run needs. Raises SuiteError where that is forbidden: nothing would run."""
+    """Allow as many open files as a run needs. Raises SuiteError if that is forbidden, because nothing would run."""
     needed = _FILES + _FILES_OF_WORKER * jobs
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if soft != resource.RLIM_INFINITY and soft < needed:
@@ -109,7 +109,7 @@ def make_room_for_files(jobs: int) -> None:
 
 
 def execute(plan: Plan, run: RunOptions, options: argparse.Namespace, launched: Launched | None = None) -> ExitCode:
-    """Open reporters and journal, run, and close everything. ``launched`` is a fork server that is getting ready."""
+    """Open reporters and journal, run, and close everything. ``launched`` is a fork server that is starting."""
     from rtf.testing.reporting import Broadcast
     from rtf.testing.runner import Run
 

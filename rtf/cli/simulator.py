@@ -1,4 +1,4 @@
-"""``rtf simulator``: start a simulated robot, list what can be broken in it, and talk to one that runs."""
+"""``rtf simulator``: start a simulated robot, list its faults, and send commands to one that runs."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _HIGHEST_RATE = 1000.0  # Hz: that of the simulated boards
 
 
 def _told(command: Callable[[Sequence[str]], int]) -> Callable[[Sequence[str]], int]:
-    """A command that ends with 1, not with 4, when the simulator refuses or cannot be reached."""
+    """Wrap a command so that it ends with 1, not with 4, when the simulator refuses or cannot be reached."""
 
     def run(words: Sequence[str]) -> int:
         try:
@@ -220,7 +220,7 @@ def faults(words: Sequence[str]) -> int:
 
 @_told
 def status(words: Sequence[str]) -> int:
-    """Print how a simulator is."""
+    """Print the state of a simulator."""
     parser = Parser(prog="rtf simulator status", description="How a simulator is.")
     _add_robot(parser)
     add_dialect(parser)
@@ -235,7 +235,7 @@ def status(words: Sequence[str]) -> int:
 
 @_told
 def inject(words: Sequence[str]) -> int:
-    """Break something in a simulator that runs."""
+    """Inject a fault into a simulator that runs."""
     parser = Parser(
         prog="rtf simulator inject",
         description="Break something in a simulator that runs; prints the number of the fault, for clear.",
@@ -271,7 +271,7 @@ def _value(parser: Parser, word: str) -> tuple[str, float]:
 
 @_told
 def clear(words: Sequence[str]) -> int:
-    """Mend a simulator that runs."""
+    """Remove a fault, or all faults, from a simulator that runs."""
     parser = Parser(
         prog="rtf simulator clear",
         description="Fix a simulator that runs; prints how many faults were taken out.",

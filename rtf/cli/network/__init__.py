@@ -1,1 +1,1 @@
-"""The commands for a network of ports, under the words that YARP's own tool has for them."""
+"""The commands for a network of ports, under the names that they have in YARP's own tool."""

@@ -1,4 +1,4 @@
-"""``rtf connect`` and ``rtf disconnect``: have ports send to one another, now or whenever both are there."""
+"""``rtf connect`` and ``rtf disconnect``: connect ports, now or whenever both exist."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _PULL = ("mjpeg",)
 
 
 def connect(words: Sequence[str]) -> ExitCode:
-    """Connect two ports, or see to it that they are connected whenever both are there."""
+    """Connect two ports, or subscribe them so that they are connected whenever both exist."""
     parser = make_parser(
         "connect",
         "Have one port send to another. The carrier may also stand before a name: fast_tcp://viewer.",
@@ -69,7 +69,7 @@ def connect(words: Sequence[str]) -> ExitCode:
 
 
 def disconnect(words: Sequence[str]) -> ExitCode:
-    """End a connection, or what would make it again."""
+    """End a connection, or the subscription that would make it again."""
     parser = make_parser("disconnect", "Have one port send to another no more.", "rtf disconnect /camera /viewer")
     _add_ports(parser)
     parser.add_argument("--persist", action="store_true", help="end what 'connect --persist' began, too")
@@ -134,7 +134,7 @@ def _subscriptions(network: Network) -> set[tuple[str, str]]:
 
 
 def _connected(network: Network, source: Contact, target: Contact) -> bool:
-    """Return whether a port is there and sends to another one."""
+    """Return whether a port exists and sends to another one."""
     if network.resolve(source) is None:
         return False
     try:

@@ -1,4 +1,4 @@
-"""``rtf exists``, ``wait``, ``ping`` and ``terminate``: whether ports and connections are there."""
+"""``rtf exists``, ``wait``, ``ping`` and ``terminate``: whether ports and connections exist."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rtf.cli.parser import Parser
     from rtf.middleware.ports.network import Network
 
-#: Seconds between two looks at something that is waited for: the first ones, and at most.
+#: Seconds between two checks while waiting: at first, and at most.
 _LOOK_AGAIN, _LOOK_AT_MOST = 0.02, 0.5
 
 
@@ -69,7 +69,7 @@ def wait(words: Sequence[str]) -> ExitCode:
 
 
 def ping(words: Sequence[str]) -> ExitCode:
-    """Print what a port says of itself, and how long it takes to say something."""
+    """Print a port's description of itself, and how long it takes to answer."""
     parser = make_parser(
         "ping", "What a port is connected to, and how fast it answers.", "rtf ping /camera --count 100"
     )
@@ -118,7 +118,7 @@ def _wanted(port: Contact, target: Contact) -> str:
 
 
 def _carrier_between(network: Network, port: Contact, target: Contact) -> str:
-    """The carrier of a connection; empty when there is none, or the port does not answer."""
+    """Return the carrier of a connection; empty when there is none, or the port does not answer."""
     from rtf.bottle import as_string
 
     try:
@@ -132,7 +132,7 @@ _QUIT = "/quit"
 
 
 def terminate(words: Sequence[str]) -> ExitCode:
-    """Ask by the port that programs have for it, and see whether the port goes."""
+    """Ask a program to end, by the port that programs have for it, and check that the port disappears."""
     parser = make_parser(
         "terminate",
         "Ask the program of a port to end: by its port .../quit where there is one, which nearly all programs obey,"

@@ -1,4 +1,4 @@
-"""The name server: as a program, where it is, which one is used, what it knows."""
+"""The name server: as a program, its address, the choice of the server, and its contents."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 def nameserver(words: Sequence[str]) -> ExitCode:
-    """Keep names until a signal says to stop."""
+    """Run a name server until a signal ends it."""
     options = _parser().parse_args(words)
     # Signals are waited for, in no handler that could meet a lock; the server's threads inherit that they pass by them.
     before = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
@@ -97,7 +97,7 @@ _LINE = "=" * 57
 
 
 def where(_words: Sequence[str]) -> ExitCode:
-    """Say where the name server is, and whether it answers."""
+    """Print where the name server is, and whether it answers."""
     contact = _configured()
     progress(f"Looking for name server on {contact.host}, port number {contact.port}\n{_DELAY}")
     if not _answers(contact, 5.0):
@@ -179,7 +179,7 @@ _HINT = "start one with 'rtf nameserver --write', or say where it is with 'rtf c
 
 
 def _configured() -> Contact:
-    """Where the name server should be; without a contact file the standard place of this machine."""
+    """Return the contact of the configured name server; without a contact file this machine's default."""
     place = configuration.read_place()
     if place is not None:
         return place.contact
@@ -218,7 +218,7 @@ _AT_A_TIME = 32
 
 
 def name(words: Sequence[str]) -> ExitCode:
-    """Give the name server a command and print what it answers."""
+    """Send a command to the name server and print the answer."""
     parser = make_parser(
         "name",
         "Give the name server a command: list, query, register, unregister, set, get, check, route … help lists all.",
@@ -264,7 +264,7 @@ def clean(words: Sequence[str]) -> ExitCode:
                 say(f"Ignoring {port.name}")
                 continue
             say(f"Testing {port.name} at {port}")
-            # Another program may have taken the name meanwhile, and that one is there.
+            # Another program may have taken the name meanwhile, and that program is alive.
             if not next(answers) and names.query(port.name) == port:
                 say(f"* No response, removing port {port.name}")
                 names.unregister(port.name)
@@ -275,7 +275,7 @@ def clean(words: Sequence[str]) -> ExitCode:
 
 
 def _accepts(port: Contact, patience: float) -> bool:
-    """Whether a program listens there. One that is only stopped has its connections taken by the kernel."""
+    """Return whether a program listens there. For one that is stopped, the kernel accepts the connections."""
     try:
         socket.create_connection((port.host, port.port), patience).close()
     except OSError:

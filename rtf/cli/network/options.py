@@ -1,4 +1,4 @@
-"""What the tools' command lines have in common: a help text that shows how, and words that are ports."""
+"""What the tools' command lines share: a help text with examples, and words that are ports."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ __all__ = ["add_access", "add_carrier", "add_timeout", "contact", "make_network"
 
 
 def add_carrier(parser: Parser) -> None:
-    """The carrier of a connection, for names that bring none."""
+    """Add the option of the carrier of a connection, for names without one."""
     parser.add_argument("--carrier", metavar="C", default="", help="how it is made: tcp (default), fast_tcp, udp …")
 
 
 def add_access(parser: Parser) -> None:
-    """Who may command the boards that are served, and who may change connections."""
+    """Add the options of who may command the boards that are served, and who may change connections."""
     for option, what in (("--allow", "send commands to boards"), ("--allow-admin", "change connections")):
         parser.add_argument(
             option,
@@ -35,13 +35,13 @@ def add_access(parser: Parser) -> None:
 
 
 def add_timeout(parser: Parser, default: float | None, what: str) -> None:
-    """How long something may take."""
+    """Add the option of a timeout."""
     usual = f" (default {default:g})" if default is not None else ""
     parser.add_argument("--timeout", metavar="S", type=seconds, default=default, help=f"{what}{usual}")
 
 
 def contact(text: str) -> Contact:
-    """Read a port that is there already: ``/name``, ``carrier://name`` or ``/host:port``."""
+    """Read the name of an existing port: ``/name``, ``carrier://name`` or ``/host:port``."""
     try:
         found = Contact.parse(text)
     except AddressError as error:
@@ -61,7 +61,7 @@ def own_name(text: str) -> str:
 
 
 def make_network(patience: float | None = None) -> Network:
-    """The network of the user's configuration. What happens to its connections is printed to stderr."""
+    """Return the network of the user's configuration. Changes of its connections are printed to stderr."""
     from rtf.cli.network.terminal import report
     from rtf.middleware.naming.configuration import find_network
 

@@ -37,7 +37,7 @@ class Table:
     title: str = ""
 
     def to_text(self) -> str:
-        """Aligned columns, two blanks between them."""
+        """Return aligned columns, two blanks between them."""
         rows = [self.headings, *self.rows]
         widths = [max(len(row[column]) for row in rows) for column in range(len(self.headings))]
         right = [heading in self.numbers for heading in self.headings]
@@ -51,7 +51,7 @@ class Table:
         return "\n".join([self.title, *lines] if self.title else lines)
 
     def to_rich(self) -> RichTable:
-        """The same for a terminal."""
+        """Return the table for a terminal."""
         from rich import box
         from rich.table import Table as RichTable
         from rich.text import Text
@@ -204,7 +204,7 @@ def _ports(ports: Sequence[PortState], flows: dict[str, Flow]) -> Table:
 
 
 def _links(ports: Sequence[PortState], flows: dict[str, Flow], hidden: set[str]) -> Table:
-    """The connections; what flows is known for one that is the only one of its receiver."""
+    """Return the table of connections; a flow is known for a connection that is the only one of its receiver."""
     table = Table(("FROM", "TO", "CARRIER", "MSG/S", "BANDWIDTH"), numbers=_NUMBERS)
     inputs = {port.name: len(port.inputs) for port in ports}
     for port in ports:

@@ -1,4 +1,4 @@
-"""``rtf read`` and ``rtf write``: open a port, print what comes to it, send what is typed."""
+"""``rtf read`` and ``rtf write``: open a port, print the messages that it receives, send what is typed."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _TRIM = 80
 
 
 class _ReadOptions(NamedTuple):
-    """What the words behind the port's name ask for."""
+    """The options of the words behind the port's name."""
 
     sources: tuple[Contact, ...]
     envelope: bool
@@ -43,7 +43,7 @@ class _ReadOptions(NamedTuple):
 
 
 def read(words: Sequence[str]) -> ExitCode:
-    """Print messages until a signal, or until a message says that it is over."""
+    """Print messages until a signal, or until a message that says that it is the last."""
     parser = make_parser(
         "read",
         "Open a port and print each message that comes to it, a line each, until Ctrl-C.",
@@ -97,7 +97,7 @@ def _read_options(parser: Parser, words: Sequence[str]) -> _ReadOptions:
 
 
 class _Printer:
-    """Prints messages in the threads of their senders, which wait for it, so nothing is lost or piles up."""
+    """Prints messages in the threads of their senders, which wait for it, so that nothing is lost or queued."""
 
     def __init__(self, read_options: _ReadOptions) -> None:
         self._read_options = read_options
@@ -146,7 +146,7 @@ _SPEECH = 2
 
 
 def _envelope_text(envelope: str) -> str:
-    """A stamp as a count and a time of four decimals, anything else as it is."""
+    """Return a stamp as a count and a time of four decimals, anything else as it is."""
     parts = Bottle.parse(envelope)
     if len(parts) == _SPEECH and all(map(_is_number, parts)):
         return f"{as_int(parts[0])} {as_float(parts[1]):.4f}"

@@ -1,4 +1,4 @@
-"""``rtf rpc``, ``admin`` and ``rpcserver``: put questions to a port, and answer those that come to one."""
+"""``rtf rpc``, ``admin`` and ``rpcserver``: send requests to a port, and answer the requests of others."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ if TYPE_CHECKING:
     from rtf.middleware.ports.network import Network
     from rtf.middleware.wire.contact import Contact
 
-#: What a caller is called that has no port of its own.
+#: The name of a caller that has no port of its own.
 _LABEL = "anon_rpc"
 
 
 def rpc(words: Sequence[str]) -> ExitCode:
-    """Ask the owner of a port."""
+    """Send requests to the owner of a port."""
     parser = make_parser(
         "rpc",
         "Put questions to a port, one for each line of the standard input, or the one that is given.",
@@ -44,7 +44,7 @@ def rpc(words: Sequence[str]) -> ExitCode:
 
 
 def admin(words: Sequence[str]) -> ExitCode:
-    """Ask the port itself."""
+    """Send admin requests to a port."""
     parser = make_parser(
         "admin",
         "Put questions of administration to a port itself, one for each line of the standard input, or the one given.",
@@ -87,7 +87,7 @@ def _show(port: Contact, answer: Bottle | None) -> None:
 
 
 class Caller:
-    """A connection to ask by, over tcp and without a port of one's own, as long as the block lasts.
+    """A connection for requests, over tcp and without a port of its own, for the time of the block.
 
     Raises NameNotFoundError and ConnectError.
     """
@@ -109,7 +109,7 @@ class Caller:
         self._dialect = self._reader.dialect or network.dialect
 
     def ask(self, key: str, question: Bottle, timeout: float | None = None) -> Bottle | None:
-        """Ask, and wait for the answer; None when the other side has none to give. Raises MiddlewareError."""
+        """Send a request, and return the reply; None when the peer has none. Raises MiddlewareError."""
         link = self._link
         link.limit_waiting(timeout)
         link.send(self._reader.encoded(OutgoingMessage(key, question, BOTTLE, self._dialect)))
@@ -129,7 +129,7 @@ class Caller:
 
 
 def rpcserver(words: Sequence[str]) -> ExitCode:
-    """Answer questions until there are no more answers, or a signal comes."""
+    """Answer requests until there are no more answers, or a signal comes."""
     parser = make_parser(
         "rpcserver",
         "Open a port and answer the questions that come to it, one after the other, with the lines of the standard"
@@ -150,7 +150,7 @@ def rpcserver(words: Sequence[str]) -> ExitCode:
 
 
 class _Question:
-    """One question, and the place for its answer."""
+    """One request, and the place for its reply."""
 
     def __init__(self, words: Bottle) -> None:
         self.words = words
@@ -158,13 +158,13 @@ class _Question:
         self.settled = threading.Event()
 
     def settle(self, answer: Bottle | None) -> None:
-        """Answer it; None: there will be no answer."""
+        """Set the reply; None: there will be no reply."""
         self.answer = answer
         self.settled.set()
 
 
 class _Desk:
-    """Where the threads of those who ask wait for the one who answers."""
+    """The place where the threads of callers wait for the answers of the person who types."""
 
     def __init__(self) -> None:
         self._questions: deque[_Question] = deque()
@@ -173,7 +173,7 @@ class _Desk:
         self._open: set[_Question] | None = set()
 
     def bring(self, words: Bottle) -> Bottle:
-        """Wait for the answer to a question. Raises PortClosedError when there will be none."""
+        """Wait for the reply to a request. Raises PortClosedError when there will be none."""
         question = _Question(words)
         with self._lock:
             if self._open is None:
@@ -187,7 +187,7 @@ class _Desk:
         return question.answer
 
     def serve(self) -> None:
-        """Show questions and have answers typed."""
+        """Show requests and read their replies."""
         answers = typed("Reply: ")
         while True:
             progress("Waiting for a message...")
@@ -203,7 +203,7 @@ class _Desk:
             question.settle(typed_bottle(answer))
 
     def close(self) -> None:
-        """Nobody waits here any more."""
+        """Refuse all requests from now on, also those that wait."""
         with self._lock:
             waiting, self._open = self._open or set(), None
         for question in waiting:

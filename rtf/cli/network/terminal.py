@@ -1,7 +1,7 @@
-"""How a tool begins, speaks and ends: lines in and out, signals, and what is said when something is wrong.
+"""How a tool begins and ends, and its input and output: lines, signals, and errors.
 
 Results go to stdout, one line at a time; prompts and progress only to a terminal. However a tool ends, its ports are
-closed and their names given back, unless a second signal or SIGKILL ends it at once.
+closed and their names unregistered, unless a second signal or SIGKILL ends it at once.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Ending:
         self._bell = (-1, -1)
 
     def wait(self, descriptor: int) -> None:
-        """Wait until there is something to be read. Raises KeyboardInterrupt."""
+        """Wait until there is something to read. Raises KeyboardInterrupt."""
         poll = select.poll()
         poll.register(descriptor, select.POLLIN)
         poll.register(self._bell[0], select.POLLIN)
@@ -64,11 +64,11 @@ class Ending:
             pass  # the handler runs now, and raises
 
     def hold(self) -> None:
-        """Put it off: something is being made or given back, which has to be done whole."""
+        """Hold the interrupt off, while something is made or released that must be done whole."""
         self._held += 1
 
     def release(self) -> None:
-        """Let it come; raises KeyboardInterrupt if it has come meanwhile."""
+        """Allow the interrupt; raises KeyboardInterrupt if it has come meanwhile."""
         self._held -= 1
         if self._came and not self._held:
             self._raise()
@@ -103,7 +103,7 @@ class Ending:
 
 
 class Bell:
-    """What the main thread waits for while others work: each ``ring`` lets one ``wait`` return."""
+    """Wakes the main thread while other threads work: each ``ring`` lets one ``wait`` return."""
 
     def __init__(self) -> None:
         self._descriptor = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_SEMAPHORE)
@@ -118,7 +118,7 @@ class Bell:
         os.eventfd_read(self._descriptor)
 
     def __del__(self) -> None:
-        os.close(self._descriptor)  # those who ring hold it, too
+        os.close(self._descriptor)  # ``ring`` holds it, too
 
 
 ENDING = Ending()
@@ -126,7 +126,7 @@ ENDING = Ending()
 
 @contextmanager
 def opened(make: Callable[[], P]) -> Iterator[P]:
-    """A port, or what has one, for the time of a block. It is opened whole and closed whole, whatever signals come."""
+    """Open a port for the time of a block. It is opened whole and closed whole, whatever signals come."""
     ENDING.hold()
     try:
         port = make()
@@ -169,7 +169,7 @@ def say(text: str) -> None:
 
 
 def complain(text: str, hint: str = "") -> None:
-    """Say what is wrong, marked as YARP marks it, and on a line of its own what would fix it."""
+    """Print an error, marked as YARP marks it, and the hint on a line of its own."""
     _log.error(text)
     print(f"[ERROR] {text}", file=sys.stderr)
     if hint:
@@ -183,7 +183,7 @@ def report(sentence: str) -> None:
 
 
 def progress(text: str) -> None:
-    """Print what is being waited for, on a terminal only."""
+    """Print what the tool waits for, on a terminal only."""
     _log.info(text)
     if sys.stderr.isatty():
         print(text, file=sys.stderr, flush=True)
@@ -193,7 +193,7 @@ def progress(text: str) -> None:
 
 
 def typed(prompt: str = "") -> Iterator[str]:
-    """What is typed, or comes from a file or program: lines, joined while a list or quotes are open.
+    """Yield lines that are typed, or come from a file or program; they are joined while a list or quotes are open.
 
     On a terminal there is a prompt, and lines can be edited and called back.
     """

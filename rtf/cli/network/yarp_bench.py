@@ -60,7 +60,7 @@ class Bench:
             raise CheckError(f"'{' '.join(words)}' did not end within {PATIENCE:g} s") from None
 
     def start(self, *words: str, tool: str = "yarp") -> subprocess.Popen[str]:
-        """Start a command of ``yarp``, or of another tool, that goes on; it ends with the check."""
+        """Start a program of ``yarp``, or of another tool, that goes on; it ends with the check."""
         program = subprocess.Popen(
             [tool, *words],
             stdin=subprocess.PIPE,

@@ -1,4 +1,4 @@
-"""The page of a port, and of a name server: text of anybody, escaped, in a document that runs no scripts."""
+"""The page of a port, and of a name server: untrusted text, escaped, in a document that runs no scripts."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ T = TypeVar("T")
 
 
 class MultiServerNames(Names):
-    """The name service of several servers. The first one assigns addresses; the others are told.
+    """The name service of several servers. The first one assigns addresses; the others get a copy of them.
 
     Queries work while a server is down, but a registration needs all of them.
     """

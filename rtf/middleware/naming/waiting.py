@@ -1,4 +1,4 @@
-"""Waiting for a name server that is away for a moment, while somebody restarts it."""
+"""Waiting for a name server that is away for a moment, while it is restarted."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """The question by which a port finds out the dialect of a reader before it sends to it.
 
-YARP 3 and 4 differ in the bytes of numbers, and nothing that a port says of itself differs, except a number. So a
-property of the reader is set to a number, as text, and asked for in binary: the code in the reply tells the dialect.
-The property stays there and has no meaning. Found out with YARP 3.12.3 and 4.0.0.
+YARP 3 and 4 differ in the bytes of numbers, and a port's description of itself does not say which it is. So a property
+of the reader is set to a number, as text, and requested in binary: the code in the reply shows the dialect. The
+property stays there and has no meaning. Found out with YARP 3.12.3 and 4.0.0.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _OK = Vocab("ok")
 
 
 def dialect_of_reader(network: Network, carrier: Carrier, reader: Contact) -> Dialect | None:
-    """Return the dialect in which to send to a port by a carrier; None if the port does not tell, which is reported.
+    """Return the dialect in which to send to a port by a carrier; None if it is unknown, which is reported.
 
     A network whose dialect is set uses it with all ports. Otherwise the port is asked: that takes one round trip with a
     port of this library, two with others, and each wait is limited by the network's patience.

@@ -172,7 +172,7 @@ def set_default_network(network: Network | None) -> None:
 def default_network() -> Network:
     """Return the network of this process. The first call finds it by the user's configuration.
 
-    How is not this floor's concern: :mod:`rtf.middleware` sets the function that finds it.
+    :mod:`rtf.middleware` sets the function that finds it.
     """
     with _lock:
         if not _default:

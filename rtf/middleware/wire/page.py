@@ -1,4 +1,4 @@
-"""What a port shows of itself in a browser."""
+"""The contents of a port's page in a browser."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class LastMessage(NamedTuple):
 
 
 class Page(NamedTuple):
-    """What a port shows of itself. ``pictures``: it sends images, which the page shows live."""
+    """The contents of a port's page. ``pictures``: the port sends images, which the page shows live."""
 
     kind: str
     sections: Sequence[Section]
@@ -56,7 +56,7 @@ class Page(NamedTuple):
 
 
 def text_of(data: bytes, dialect: Dialect, *, in_lines: bool) -> str:
-    """Return a received message in text form, or what is known of one that is no bottle."""
+    """Return a received message in text form, or a description of one that is no bottle."""
     if in_lines:
         return data.decode("utf-8", "replace")
     try:
