@@ -100,7 +100,7 @@ def _serve(options: argparse.Namespace) -> ExitCode:
     bell, lock = Bell(), threading.Lock()
 
     def line(text: str) -> None:
-        with lock:
+        with lock, suppress(BrokenPipeError):  # the reader of the output is gone; the programs are still needed
             say(text)
 
     make = partial(

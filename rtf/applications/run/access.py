@@ -1,8 +1,8 @@
 """Who may ask a node for what: peers by address, programs by name or folder, and variables by name.
 
 A node starts programs for everyone who reaches it, as its original does. Therefore ours answers programs of its own
-machine only, until addresses are named. Where the programs are restricted, so is what a request may change about them:
-a variable such as ``LD_PRELOAD``, or a folder to run in, would make any allowed program another one.
+machine only, until addresses are named. Where the programs are restricted, so are the variables that a request may
+set: one such as ``LD_PRELOAD`` would make any allowed program another one.
 """
 
 from __future__ import annotations

@@ -22,12 +22,14 @@ import msgspec
 
 from rtf import clock
 from rtf.applications.run.errors import StartError
-from rtf.applications.run.members import HELD_MARK, MARK, look_at, members
+from rtf.applications.run.members import HELD_MARK, MARK, lives, look_at, members
 from rtf.applications.run.output import Tail
 from rtf.testing.isolation import processes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    from rtf.applications.run.members import ProcessState
 
 _CHUNK = 1 << 16
 #: What may be unread in a pipe when its program has ended.
@@ -92,6 +94,7 @@ class Child:
         self.process: subprocess.Popen[bytes] | None = None
         self.pidfd = -1
         self.leader_ended = False
+        self.left: Sequence[ProcessState] = ()  # known processes, when the leader has ended
         self.ended = threading.Event()
         self.how = ""
 
@@ -113,6 +116,7 @@ class Children:
         self._held_changed = changed
         self._lock = threading.RLock()
         self._children: dict[int, Child] = {}  # by number
+        self._without_leader: list[Child] = []  # changed by the thread alone
         self._count = 0
         self._closing = False
         self._selector = selectors.DefaultSelector()
@@ -216,10 +220,9 @@ class Children:
                 for signum in signals:
                     if not child.leader_ended:
                         processes.signal_group(child.pid, signum)
-                    for pid in found[child.pid]:
-                        state = look_at(pid)
-                        if state is not None and (child.leader_ended or state.group != child.pid):
-                            processes.signal_process(pid, signum)
+                    for process in found[child.pid]:
+                        if child.leader_ended or process.group != child.pid:
+                            processes.signal_process(process.pid, signum)
 
     # Ending ------------------------------------------------------------------------------------------------------
 
@@ -277,11 +280,10 @@ class Children:
 
     def _watch(self) -> None:
         while not self._over:
-            without_leader = [child for child in self.running() if child.leader_ended]
-            for key, _ in self._selector.select(_LOOK if without_leader else None):
+            for key, _ in self._selector.select(_LOOK if self._without_leader else None):
                 key.data()
-            if without_leader:
-                self._finish_empty(without_leader)
+            if self._without_leader:
+                self._finish_empty()
 
     def _add(self, child: Child) -> None:
         self._selector.register(child.pidfd, selectors.EVENT_READ, partial(self._note_end, child))
@@ -320,12 +322,16 @@ class Children:
             child.how = "its exit status is not known, as it was started by an earlier node"
         with self._lock:
             child.leader_ended = True
-        self._finish_empty([child])
+        self._without_leader.append(child)
 
-    def _finish_empty(self, children: Sequence[Child]) -> None:
-        found = members([(child.pid, child.mark) for child in children])
-        for child in children:
-            if not found[child.pid]:
+    def _finish_empty(self) -> None:
+        """Finish the children of which no process is left. All processes are looked at only if those known are gone."""
+        looked_at = [child for child in self._without_leader if not any(map(lives, child.left))]
+        found = members([(child.pid, child.mark) for child in looked_at]) if looked_at else {}
+        for child in looked_at:
+            child.left = found[child.pid]
+            if not child.left:
+                self._without_leader.remove(child)
                 self._finish(child)
 
     def _finish(self, child: Child) -> None:

@@ -13,15 +13,13 @@ import os
 import signal
 from typing import TYPE_CHECKING
 
-from rtf import clock
-from rtf.applications.run.members import HELD_MARK, mark_of
+from rtf.applications.run.members import HELD_MARK, end_all, mark_of
 from rtf.testing.isolation import processes
 
 if TYPE_CHECKING:
     from types import FrameType
 
 _PASSED_ON = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-_LOOK = 0.05
 
 
 def fork_server(grace: float) -> int | None:
@@ -51,22 +49,9 @@ def _keep(server: int, grace: float) -> int:
     pid = status = 0
     while pid != server:
         pid, status = os.wait()
-    _end_all(clock.Deadline.after(grace))
+    end_all(_left, grace)
     exit_status, _ = processes.split_status(status)
     return 1 if exit_status is None else exit_status
-
-
-def _end_all(deadline: clock.Deadline) -> None:
-    asked: set[int] = set()
-    while left := _left():
-        for pid in left:
-            if deadline.expired:
-                processes.signal_process(pid, signal.SIGKILL)
-            elif pid not in asked:
-                asked.add(pid)
-                processes.signal_process(pid, signal.SIGTERM)
-                processes.signal_process(pid, signal.SIGCONT)
-        clock.sleep(_LOOK)
 
 
 def _left() -> list[int]:

@@ -7,14 +7,20 @@ are found by the kernel's lists, which cost some milliseconds and are therefore 
 from __future__ import annotations
 
 import os
+import signal
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from rtf import clock
+from rtf.testing.isolation import processes
+
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
 #: The variable of the mark. Children that outlive their node have the second one, which the keeper spares.
 MARK, HELD_MARK = "RTF_RUN_CHILD", "RTF_RUN_HELD"
+#: Seconds between two looks at what is ending.
+_LOOK = 0.05
 _STATE, _GROUP, _START = 0, 2, 19  # places in /proc/PID/stat behind the name, see proc(5)
 
 
@@ -36,6 +42,12 @@ def look_at(pid: int) -> ProcessState | None:
     except OSError:
         return None
     return ProcessState(pid, int(words[_GROUP]), int(words[_START]), words[_STATE] in (b"Z", b"X"))
+
+
+def lives(process: ProcessState) -> bool:
+    """Return whether a process still lives, and its number has not gone to another one."""
+    now = look_at(process.pid)
+    return now is not None and not now.zombie and now.started == process.started
 
 
 def all_processes() -> Iterator[ProcessState]:
@@ -60,13 +72,33 @@ def mark_of(pid: int) -> str:
     return ""
 
 
-def members(groups: Iterable[tuple[int, str]]) -> dict[int, list[int]]:
+def members(groups: Iterable[tuple[int, str]]) -> dict[int, list[ProcessState]]:
     """Return the living processes of each child. A child is its group's number and its mark."""
+    groups = [*groups]
     by_group = {group: group for group, _ in groups}
     by_mark = {mark: group for group, mark in groups}
-    found: dict[int, list[int]] = {group: [] for group in by_group}
+    found: dict[int, list[ProcessState]] = {group: [] for group in by_group}
     for process in all_processes():
         group = by_group.get(process.group) or by_mark.get(mark_of(process.pid))
         if group:
-            found[group].append(process.pid)
+            found[group].append(process)
     return found
+
+
+def end_all(find: Callable[[], Iterable[int]], grace: float) -> list[int]:
+    """End the processes that ``find`` returns, until it returns none: SIGTERM, then SIGKILL after ``grace`` seconds.
+
+    Returns those that were there.
+    """
+    deadline = clock.Deadline.after(grace)
+    asked: dict[int, None] = {}
+    while left := [*find()]:
+        for pid in left:
+            if deadline.expired:
+                processes.signal_process(pid, signal.SIGKILL)
+            elif pid not in asked:
+                processes.signal_process(pid, signal.SIGTERM)
+                processes.signal_process(pid, signal.SIGCONT)
+            asked[pid] = None
+        clock.sleep(_LOOK)
+    return [*asked]

@@ -1,7 +1,7 @@
 """What a node leaves for its successor of the same name: its token, and the children that it held.
 
 The file is written when the node begins, and when a held child starts or ends. A successor watches held children
-again, and ends all others that still carry the token: those of a node that was killed together with its keeper. A lock
+again, and ends all others that still carry a token: those of a node that was killed together with its keeper. A lock
 on the file, which the kernel releases with the process, keeps two nodes of one name apart.
 """
 
@@ -19,7 +19,7 @@ import msgspec
 
 from rtf.applications.run.children import HeldChild
 from rtf.applications.run.errors import RunError
-from rtf.applications.run.members import MARK, all_processes, look_at, mark_of
+from rtf.applications.run.members import MARK, all_processes, end_all, look_at, mark_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -30,7 +30,7 @@ _OTHER = re.compile(r"[^0-9A-Za-z.-]")
 
 
 class _File(msgspec.Struct):
-    token: str
+    tokens: list[str]
     boot: str
     held: list[HeldChild] = []
 
@@ -54,8 +54,8 @@ class NodeRecord:
         except OSError:
             os.close(self._lock)
             raise RunError(f"a node of this name runs on this machine already, by {path}") from None
-        self._before = self._read()
-        self.write(())
+        self._before = self._read() or _File([], self._boot)
+        self._store([*self._before.tokens, self.token], self._before.held)
 
     def _read(self) -> _File | None:
         try:
@@ -66,18 +66,17 @@ class NodeRecord:
 
     def held_before(self) -> list[HeldChild]:
         """Return the children that the node before has held, and that still carry its mark."""
-        found = self._before.held if self._before else []
-        return [child for child in found if mark_of(child.pid) == child.mark]
+        return [child for child in self._before.held if mark_of(child.pid) == child.mark]
 
-    def left_behind(self) -> list[int]:
-        """Return the processes that the node before should have ended."""
-        if self._before is None:
+    def end_left(self, grace: float) -> list[int]:
+        """End the processes that earlier nodes should have ended. Return them."""
+        prefixes = tuple(f"{MARK}={token}-" for token in self._before.tokens)
+        if not prefixes:
             return []
-        prefix = f"{MARK}={self._before.token}-"
-        return [process.pid for process in all_processes() if mark_of(process.pid).startswith(prefix)]
+        return end_all(lambda: (one.pid for one in all_processes() if mark_of(one.pid).startswith(prefixes)), grace)
 
     def write(self, held: Iterable[Child]) -> None:
-        """Write the record."""
+        """Write the record, in which earlier nodes have no part any more."""
         rows = []
         for child in held:
             state = look_at(child.pid)
@@ -85,9 +84,12 @@ class NodeRecord:
                 one = child.launch
                 mine = (child.pid, state.started, child.mark)
                 rows.append(HeldChild(*mine, one.tag, one.command, one.environment, one.log))
+        self._store([self.token], rows)
+
+    def _store(self, tokens: list[str], held: list[HeldChild]) -> None:
         beside = self._path.with_suffix(".new")
         beside.touch(mode=0o600)
-        beside.write_bytes(msgspec.json.encode(_File(self.token, self._boot, rows)))
+        beside.write_bytes(msgspec.json.encode(_File(tokens, self._boot, held)))
         beside.replace(self._path)
 
     def close(self) -> None:

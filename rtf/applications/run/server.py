@@ -136,7 +136,7 @@ class RunServer:
             record.token if record else f"{os.getpid()}.{id(self):x}",
             most=most,
             said=self._say,
-            changed=record.write if record else lambda _: None,
+            changed=self._write_record,
         )
         try:
             self._port = _NodePort(name, self._answer, network, self._access)
@@ -175,10 +175,16 @@ class RunServer:
         for found in record.held_before():
             if self._children.adopt(found, lambda child, found=found: self._sinks_of(child, found.log)):  # type: ignore[misc]
                 self._say(f"found {found.tag} ({found.pid}) again: {found.command}")
-        for pid in record.left_behind():
-            if processes.signal_process(pid, signal.SIGKILL):
-                self._say(f"ended process {pid}, which the node before has left")
-        record.write(child for child in self._children.running() if child.launch.hold)
+        for pid in record.end_left(self._grace):
+            self._say(f"ended process {pid}, which a node before has left")
+        self._write_record(child for child in self._children.running() if child.launch.hold)
+
+    def _write_record(self, held: Iterable[Child]) -> None:
+        if self._record is not None:
+            try:
+                self._record.write(held)
+            except OSError as error:  # such as a full disk: the programs run on
+                self._say(f"held programs will not be found again: {error}")
 
     def close(self) -> None:
         """End all children that are not held, and close the port."""
