@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -92,6 +92,14 @@ class Clock(ABC):
     @abstractmethod
     def sleep(self, seconds: float) -> None:
         """Wait for ``seconds`` of this clock; zero or less returns at once."""
+
+    def taking_part(self, name: str) -> AbstractContextManager[object]:  # noqa: ARG002 - for clocks in lockstep
+        """Return a context in whose thread a time in lockstep passes only while the thread sleeps.
+
+        The time stands still from this call on, so the thread of the context may be started after it. ``name`` is for
+        messages.
+        """
+        return nullcontext()
 
     def close(self) -> None:  # noqa: B027 - most clocks hold no resources
         """Release the resources of the clock. A second call has no effect."""

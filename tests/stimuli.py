@@ -170,7 +170,7 @@ def run_recorded(folder: Path, tests: str, parts: Sequence[str]) -> Recording:
         opened.callback(network.names.close)
         recorder = _Recorder(patch)
         robot = opened.enter_context(SimulatedRobot(ICUB, network=network, parts=parts, lockstep=True))
-        service = SimulatorService(robot, network=network, end=lambda: None, lockstep=True)
+        service = SimulatorService(robot, network=network, end=lambda: None)
         opened.callback(service.close)
         recorder.listen_to_pushes(robot, service.injector)
         outcome = run_command(

@@ -61,14 +61,19 @@ SHIPPED: Mapping[str, str] = {
         RGBDSensorClient="RgbdClient",
         RGBDSensor_nwc_yarp="RgbdClient",
     ),
-    "simulatedRobot": "rtf.simulator.robot_devices:SimulationDevice",
-    "simulatedICub": "rtf.simulator.robot_devices:SimulationDevice",
-    "simulatedBoard": "rtf.simulator.robot_devices:SimulatedBoard",
-    "simulatedForceTorque": "rtf.simulator.sensor_devices:SimulatedForceTorqueDevice",
-    "simulatedBattery": "rtf.simulator.battery:SimulatedBatteryDevice",
-    "simulatedSkin": "rtf.simulator.skin:SimulatedSkinDevice",
-    "simulatedImu": "rtf.simulator.sensor_devices:SimulatedImuDevice",
-    "simulatedCamera": "rtf.simulator.camera_device:SimulatedCameraDevice",
+    "simulatedRobot": "rtf.simulator.simulation_device:SimulationDevice",
+    "simulatedICub": "rtf.simulator.simulation_device:SimulationDevice",
+    **_family(
+        "rtf.simulator.attached_devices",
+        simulatedBoard="AttachedBoard",
+        simulatedForceTorque="AttachedForceTorque",
+        simulatedImu="AttachedImu",
+        simulatedAngles="AttachedAngles",
+        simulatedSkin="AttachedSkin",
+        simulatedBattery="AttachedBattery",
+        simulatedCamera="AttachedCamera",
+        simulatedDepthCamera="AttachedDepthCamera",
+    ),
 }
 
 
@@ -125,11 +130,20 @@ class Device(DeviceProvider):
     def detach(self) -> None:
         """Stop using the attached devices. Has no effect if there are none."""
 
+    @property
+    def implementation(self) -> Device:
+        """The device that has the interfaces: itself, unless it stands for a device that another one has.
+
+        Raises DeviceError while there is none.
+        """
+        return self
+
     def view(self, interface: type[T]) -> T:
         """Return the device as an interface. Raises NotSupportedError, naming both, if it does not implement it."""
-        if isinstance(self, interface):
-            return self
-        raise NotSupportedError(f"{self.name} ({type(self).__name__}) has no {interface.__name__}")
+        found = self.implementation
+        if isinstance(found, interface):
+            return found
+        raise NotSupportedError(f"{self.name} ({type(found).__name__}) has no {interface.__name__}")
 
 
 class Calibrator(Device):

@@ -14,15 +14,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rtf.robot.device import Device
-from rtf.robot.errors import DeviceError
 from rtf.robot.interfaces import BatteryStatus, IBattery
 from rtf.robot.sensors.battery import FULL, BatteryReading, status_of
-from rtf.simulator.attachment import simulating
 from rtf.simulator.board_state import AMBIENT
 from rtf.simulator.position_gains import FULL as FULL_DUTY
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable
 
     from rtf.bottle import Property
     from rtf.robot.model.file import Battery
@@ -117,54 +115,3 @@ class SimulatedBattery(Device, IBattery):
     def battery_info(self) -> str:
         one = self.settings
         return f"a simulated battery of {one.capacity:g} Wh, {one.empty:g} to {one.full:g} V"
-
-
-class SimulatedBatteryDevice(Device, IBattery):
-    """``simulatedBattery``: the battery of the simulated robot that it is attached to, as ``[sensors.battery]`` has it.
-
-    The battery is charged when the robot is opened. The simulation runs in another thread: two methods may return
-    values of two measurements.
-    """
-
-    _battery: SimulatedBattery | None = None
-
-    def open(self, configuration: Property) -> None:
-        """Do nothing: the simulated robot has the battery."""
-
-    def attach(self, devices: Mapping[str, Device]) -> None:
-        """Attach the battery to a simulated robot. Raises DeviceError if the robot does not have one."""
-        attached = simulating(self, devices)
-        found = attached.devices(SimulatedBattery)
-        if not found:
-            robot = attached.simulation.plant.robot
-            raise DeviceError(f"{self.name}: {robot.name} has no battery; see [sensors.battery] in {robot.folder}")
-        (self._battery,) = found.values()
-
-    def detach(self) -> None:
-        self._battery = None
-
-    def close(self) -> None:
-        self.detach()
-
-    def voltage(self) -> float:
-        return self._attached().voltage()
-
-    def current(self) -> float:
-        return self._attached().current()
-
-    def charge(self) -> float:
-        return self._attached().charge()
-
-    def temperature(self) -> float:
-        return self._attached().temperature()
-
-    def battery_status(self) -> BatteryStatus:
-        return self._attached().battery_status()
-
-    def battery_info(self) -> str:
-        return self._attached().battery_info()
-
-    def _attached(self) -> SimulatedBattery:
-        if self._battery is None:
-            raise DeviceError(f"{self.name} is attached to no simulated robot; its action 'attach' comes first")
-        return self._battery

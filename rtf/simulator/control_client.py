@@ -158,6 +158,13 @@ class SimulatorControl:
         """Reset the robot: at home, at rest and healthy. Return the time, which is not reset."""
         return as_float(self.ask("reset").get(0))
 
+    def restore(self, factor: float) -> None:
+        """Clear all faults, let the time pass again with a greatest real-time factor, and reset the robot."""
+        self.clear()
+        self.set_factor(factor)
+        self.resume()
+        self.reset()
+
     def set_factor(self, factor: float) -> None:
         """Set the greatest real-time factor; ``inf``: as fast as possible."""
         self.ask("factor", float(factor))

@@ -57,11 +57,10 @@ HELP = (
 class SimulatorService:
     """Server of a robot's control port. ``end`` is called, in any thread, for a request to quit."""
 
-    def __init__(self, robot: SimulatedRobot, *, network: Network, end: Callable[[], object], lockstep: bool) -> None:
+    def __init__(self, robot: SimulatedRobot, *, network: Network, end: Callable[[], object]) -> None:
         self.robot = robot
         self.injector = FaultInjector(robot)
         self._network = network
-        self._lockstep = lockstep
         self._end = end
         self._speed = _Speed()
         self._requests: dict[str, Callable[[Bottle], object]] = {
@@ -113,7 +112,7 @@ class SimulatorService:
                 Bottle(["time", now]),
                 Bottle(["factor", factor]),
                 Bottle(["achieved", self._speed.at(now)]),
-                Bottle(["lockstep", int(self._lockstep)]),
+                Bottle(["lockstep", int(self.robot.lockstep)]),
                 Bottle(["clock", time.name]),
                 Bottle(["parts", *self.robot.parts]),
                 Bottle(["participants", *participants]),

@@ -10,20 +10,19 @@ from rtf.robot.devices.control_board import ControlBoard
 if TYPE_CHECKING:
     from rtf.bottle import Property
     from rtf.robot.interfaces import FloatArray
-    from rtf.robot.model import RobotModel
     from rtf.simulator.boards import Boards
 
 
 class SimulatedPart(ControlBoard):
-    """A control board of the simulated robot; it lives as long as the simulation."""
+    """A control board of the simulated robot; it lives as long as the simulation.
+
+    Raises RefusedError for a part that the robot does not have.
+    """
 
     def __init__(self, part: str, boards: Boards) -> None:
         Device.__init__(self, part)
         self._boards = boards
-        self._be(boards.plant.robot, part)
-
-    def _be(self, robot: RobotModel, part: str) -> None:
-        """Find the part among the robot's axes. Raises RefusedError for a part that it does not have."""
+        robot = boards.plant.robot
         described = robot.part(part)
         self.own, self.size = robot.part_slice(part), len(described.axes)
         self._spans = [slice(block.first, block.first + block.size) for block in described.couplings]

@@ -127,7 +127,7 @@ class _Program:
         opened.callback(robot.close)
         from rtf.simulator.control_service import SimulatorService
 
-        service = SimulatorService(robot, network=network, end=self._end.set, lockstep=settings.lockstep)
+        service = SimulatorService(robot, network=network, end=self._end.set)
         last.callback(service.close)
         return robot
 

@@ -25,9 +25,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from rtf.middleware.ports.network import Network
-    from rtf.robot.device import Device
     from rtf.robot.model import RobotModel
-    from rtf.robot.periodic_thread import Publisher
+    from rtf.robot.publishing import Publisher
     from rtf.simulator.depth_cameras import SimulatedDepthCamera
     from rtf.simulator.simulated_cameras import SimulatedCamera
 
@@ -80,11 +79,12 @@ class SimulatedRobot:
         self.model = model
         self.name = (name or model.simulated_name).strip("/")
         self.network = network
+        self.lockstep = lockstep
         self._serves = serve
         self.simulation = Simulation(
             build(model, options or Options(cameras=cameras)), seed=seed, factor=None if lockstep else factor
         )
-        self.outlets = SimulatedOutlets(self.simulation, network, lockstep=lockstep)
+        self.outlets = SimulatedOutlets(self.simulation, lockstep=lockstep)
         self.parts = {part: self._board(part) for part in parts or model.served}
         plant = self.simulation.plant
         self.force_torques = {
@@ -104,7 +104,7 @@ class SimulatedRobot:
         self.cameras: dict[str, SimulatedCamera] = {}
         self.depth_cameras: dict[str, SimulatedDepthCamera] = {}
         with ExitStack() as opened:
-            self._open(opened, lockstep=lockstep, cameras=cameras, clock=clock)
+            self._open(opened, cameras=cameras, clock=clock)
             self._opened = opened.pop_all()
 
     def _board(self, part: str) -> SimulatedPart | KinematicPart:
@@ -112,7 +112,7 @@ class SimulatedRobot:
             return KinematicPart(self.model.kinematic_parts[part], self.simulation)
         return SimulatedPart(part, self.simulation.boards)
 
-    def _open(self, opened: ExitStack, *, lockstep: bool, cameras: bool, clock: str) -> None:
+    def _open(self, opened: ExitStack, *, cameras: bool, clock: str) -> None:
         """Open all ports, the clock last, as the time begins with it."""
         for part, board in self.parts.items():
             self._serve(opened, ControlBoardServer, board, part, self._state_period)
@@ -133,7 +133,7 @@ class SimulatedRobot:
             self._serve(opened, BatteryServer, self.battery, self.battery.settings.port, BATTERY_PERIOD)
         if cameras:
             self._open_cameras(opened)
-        self.clock = serve_time(self.simulation, clock, network=self.network, lockstep=lockstep)
+        self.clock = serve_time(self.simulation, clock, network=self.network, lockstep=self.lockstep)
         opened.callback(self.clock.close)
         self.simulation.settle.append(self._settle)
 
@@ -160,13 +160,6 @@ class SimulatedRobot:
             depths = self.depth_cameras[name] = SimulatedDepthCamera(name, described, self.simulation)
             opened.callback(depths.close)
             self._serve(opened, RgbdServer, depths, described.port, self._camera_period)
-
-    @property
-    def devices(self) -> dict[str, Device]:
-        """Its sensors, skin, cameras and battery by the names of the model; the battery is "battery"."""
-        sensors: list[Device] = [*self.force_torques.values(), *self.imus.values()]
-        found = {one.name: one for one in sensors} | dict(self.skin) | dict(self.cameras) | dict(self.depth_cameras)
-        return found if self.battery is None else {**found, "battery": self.battery}
 
     def _settle(self) -> None:
         if self.clock.participants:

@@ -15,7 +15,7 @@ from rtf.middleware.ports.buffered import BufferedPort
 from rtf.middleware.ports.pipelined_port import PATIENCE, PipelinedPort
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from rtf.middleware.ports.network import Network
     from rtf.middleware.ports.outputs import Output
@@ -85,20 +85,20 @@ class SimulatedOutlet:
 class SimulatedOutlets:
     """All ports on which a simulation publishes, by name."""
 
-    def __init__(self, simulation: Simulation, network: Network, *, lockstep: bool) -> None:
+    def __init__(self, simulation: Simulation, *, lockstep: bool) -> None:
         self._simulation = simulation
-        self._network = network
         self._lockstep = lockstep
-        self.by_name: dict[str, SimulatedOutlet] = {}
+        self.by_name: Mapping[str, SimulatedOutlet] = {}  # replaced at every change, as the simulation reads it
 
-    def open(self, name: str, codec: Codec[Any]) -> SimulatedOutlet:
+    def open(self, name: str, codec: Codec[Any], network: Network) -> SimulatedOutlet:
         """Open a port for objects of a codec."""
         port: PipelinedPort | BufferedPort[Any]
         if self._lockstep:
-            port = PipelinedPort(name, codec, network=self._network, together=_TOGETHER)
+            port = PipelinedPort(name, codec, network=network, together=_TOGETHER)
         else:
-            port = BufferedPort(name, codec, network=self._network, inputs=False)
-        outlet = self.by_name[port.name] = SimulatedOutlet(port, self._simulation)
+            port = BufferedPort(name, codec, network=network, inputs=False)
+        outlet = SimulatedOutlet(port, self._simulation)
+        self.by_name = {**self.by_name, port.name: outlet}
         return outlet
 
     def settle(self) -> None:

@@ -95,7 +95,7 @@ class SimulatedSensor(Device):
         """Do nothing: there are no resources."""
 
 
-class SimulatedForceTorque(SimulatedSensor, IAnalogSensor):
+class SimulatedForceTorque(SimulatedSensor, IAnalogSensor, IMultipleAnalogSensors, IMeasurementsSource):
     """A force-torque sensor: three forces (N) and three torques (Nm), minus the zero offset."""
 
     def __init__(self, sensor: FtSensor, simulation: Simulation) -> None:
@@ -105,9 +105,22 @@ class SimulatedForceTorque(SimulatedSensor, IAnalogSensor):
         self.sensor = sensor
         self._forces = simulation.data.sensordata[sensor.force.start : sensor.torque.stop]  # a view; the other way
         self._reading = SensorReading(self._zero, 0.0)
+        self._together = SimulatedForceTorques((self,), simulation)
 
     def channels(self) -> int:
         return self._zero.size
+
+    def sensors(self, category: SensorCategory) -> Sequence[SensorInfo]:
+        return self._together.sensors(category)
+
+    def sensor_status(self, category: SensorCategory, index: int) -> SensorStatus:
+        return self._together.sensor_status(category, index)
+
+    def read_sensor(self, category: SensorCategory, index: int) -> SensorReading:
+        return self._together.read_sensor(category, index)
+
+    def read_all(self) -> Measurements:
+        return self._together.read_all()
 
     def read(self) -> SensorReading:
         boards = self._boards
@@ -121,16 +134,17 @@ class SimulatedForceTorque(SimulatedSensor, IAnalogSensor):
         return self._reading
 
     def calibrate(self, channel: int | None = None, value: float | None = None) -> None:
-        zero = self.sensor.read(self.simulation.data.sensordata) - (value or 0.0)
-        if channel is None:
-            self._zero = zero
-        elif 0 <= channel < self._zero.size:
-            self._zero[channel] = zero[channel]
-        else:
+        if channel is not None and not 0 <= channel < self._zero.size:
             raise RefusedError(
                 f"{self.name} has {self._zero.size} channels, counted from 0, and none with the number {channel}"
             )
-        self._begin_anew()
+        with self.simulation.lock:
+            zero = self.sensor.read(self.simulation.data.sensordata) - (value or 0.0)
+            if channel is None:
+                self._zero = zero
+            else:
+                self._zero[channel] = zero[channel]
+            self._begin_anew()
 
 
 class SimulatedForceTorques(Device, IMultipleAnalogSensors, IMeasurementsSource):

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from rtf.robot.interfaces import FloatArray
-    from rtf.robot.periodic_thread import Publisher
+    from rtf.robot.publishing import Publisher
     from rtf.simulator.plant import Plant
 
 #: The greatest lag (s) behind the machine's clock that the loop catches up.
@@ -57,7 +57,7 @@ class Simulation:
         self._without_sensors = int(mujoco().mjtDisableBit.mjDSBL_SENSOR)
         self._queue: list[tuple[int, int, Callable[[], None], bool]] = []
         self._order = itertools.count()
-        self._publishers: dict[float, list[Publisher]] = {}  # by their periods
+        self._publishers: dict[float, tuple[Publisher, ...]] = {}  # by their periods
         self._halfway = False  # the physics are between the halves of a step, and unchanged since
         self._paced: tuple[float, float, float] | None = None  # a moment of the machine's clock, the time at it, factor
 
@@ -89,19 +89,30 @@ class Simulation:
         """Schedule an event ``seconds`` from now, at the next step at the earliest."""
         self.at(self.boards.tick + max(1, round(seconds / TIMESTEP)), happening, looks=looks)
 
-    def publish_regularly(self, publisher: Publisher) -> None:
-        """Call a publisher at every multiple of its period from now on, each rounded to a step."""
+    def publish_regularly(self, publisher: Publisher) -> Callable[[], None]:
+        """Call a publisher at every multiple of its period from now on, each rounded to a step.
+
+        Return what ends that. Both may be called in any thread.
+        """
         period = max(1.0, publisher.period / TIMESTEP)  # in steps
-        publishers = self._publishers.get(period)
-        if publishers is not None:
-            publishers.append(publisher)
-            return
-        publishers = self._publishers[period] = [publisher]
+
+        def leave() -> None:
+            with self.lock:
+                self._publishers[period] = tuple(one for one in self._publishers[period] if one is not publisher)
+
+        with self.lock:
+            known = period in self._publishers
+            self._publishers[period] = (*self._publishers.get(period, ()), publisher)
+            if not known:
+                self._begin_publishing(period)
+        return leave
+
+    def _begin_publishing(self, period: float) -> None:
         times = itertools.count(math.ceil(self.boards.tick / period))
 
         def happening() -> None:
             now = self.now
-            for each in publishers:
+            for each in self._publishers[period]:
                 each.publish(now)
             self.at(round(next(times) * period), happening, looks=True)
 

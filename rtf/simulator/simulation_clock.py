@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import threading
+from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.middleware.clocks.lockstep import LockstepServer
+from rtf.robot.publishing import PublishingClock
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rtf.middleware.clocks.lockstep import Participant
     from rtf.middleware.ports.network import Network
+    from rtf.robot.publishing import Publisher
+    from rtf.simulator.robot import SimulatedRobot
     from rtf.simulator.simulation import Simulation
 
 CLOCK = "/clock"
@@ -39,16 +46,19 @@ def serve_time(simulation: Simulation, name: str, *, network: Network, lockstep:
     return server
 
 
-class SimulationClock(clock.Clock):
-    """The clock of a simulation in this process. A sleeper is no participant in lockstep.
+class SimulationClock(PublishingClock):
+    """The clock of a simulated robot in its own process. In lockstep each thread that sleeps takes part meanwhile.
 
     After the end of the simulated time, or when the clock was closed, it follows the machine's clock, so that no
     sleeper hangs.
     """
 
-    def __init__(self, simulation: Simulation, server: LockstepServer) -> None:
-        self._simulation = simulation
-        self._server = server
+    def __init__(self, robot: SimulatedRobot) -> None:
+        self.outlets = robot.outlets
+        self._simulation = robot.simulation
+        self._server = robot.clock
+        self._lockstep = robot.lockstep
+        self._local = threading.local()
         self._lock = threading.Lock()
         self._ended_at: tuple[float, float] | None = None  # of the machine's clock, and of this one
 
@@ -60,14 +70,32 @@ class SimulationClock(clock.Clock):
         if seconds <= 0:
             return
         until = self.now() + seconds
+        if not (self._wait_in_lockstep(until) if self._lockstep else self._wait(seconds)):
+            clock.sleep(until - self.now())
+
+    def _wait(self, seconds: float) -> bool:
+        """Wait while the simulated time passes; return False if it has ended."""
         passed = threading.Event()
         if self._end() is None:
             with self._simulation.lock:
                 self._simulation.after(seconds, passed.set, looks=True)
         while not passed.wait(_LOOK):
             if self._end() is not None:
-                clock.sleep(until - self.now())
-                return
+                return False
+        return True
+
+    def _wait_in_lockstep(self, until: float) -> bool:
+        participant: Participant | None = getattr(self._local, "participant", None)
+        if participant is not None:
+            return self._end() is None and self._server.wait_until(participant, until)
+        with self.taking_part(threading.current_thread().name):
+            return self._wait_in_lockstep(until)
+
+    def taking_part(self, name: str) -> AbstractContextManager[object]:
+        return _Participation(self._server, self._local, name) if self._lockstep else nullcontext()
+
+    def publish_regularly(self, publisher: Publisher) -> Callable[[], None]:
+        return self._simulation.publish_regularly(publisher)
 
     def close(self) -> None:
         self._end(closed=True)
@@ -78,3 +106,19 @@ class SimulationClock(clock.Clock):
             if self._ended_at is None and (closed or self._server.broken is not None):
                 self._ended_at = clock.monotonic(), self._simulation.now
             return self._ended_at
+
+
+class _Participation(AbstractContextManager[None]):
+    """The part that a thread takes in lockstep, from the construction on."""
+
+    def __init__(self, server: LockstepServer, local: threading.local, name: str) -> None:
+        self._server = server
+        self._local = local
+        self._participant = server.join(name)
+
+    def __enter__(self) -> None:
+        self._local.participant = self._participant
+
+    def __exit__(self, *_: object) -> None:
+        self._local.participant = None
+        self._server.leave(self._participant)

@@ -14,19 +14,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rtf.bottle import as_string
-from rtf.robot.device import Device
-from rtf.robot.errors import DeviceError, NotSupportedError
+from rtf.robot.errors import NotSupportedError
 from rtf.robot.interfaces import IAnalogSensor, SensorCategory, SensorReading
 from rtf.robot.model.engine import mujoco
 from rtf.robot.model.errors import RobotModelError
-from rtf.simulator.attachment import simulating
 from rtf.simulator.simulated_sensors import SimulatedSensor
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from rtf.bottle import Property
     from rtf.robot.interfaces import FloatArray
     from rtf.robot.model.file import SkinPatch
     from rtf.simulator.simulation import Simulation
@@ -203,42 +197,3 @@ def _distance(model: Any, shape: int, way: FloatArray, normal: FloatArray) -> fl
     if found < 0.0:
         raise RobotModelError(f"no skin covers the shape {model.geom(shape).name!r}, as it is not a closed one")
     return float(far - found)
-
-
-class SimulatedSkinDevice(Device, IAnalogSensor):
-    """``simulatedSkin``: the patch of skin that ``sensor`` names, such as ``left_hand``, of a simulated robot."""
-
-    _name = ""
-    _skin: SimulatedSkin | None = None
-
-    def open(self, configuration: Property) -> None:
-        self._name = as_string(configuration.find("sensor"))
-
-    def attach(self, devices: Mapping[str, Device]) -> None:
-        """Attach the patch to a simulated robot. Raises DeviceError if the robot does not have it."""
-        known = simulating(self, devices).devices(SimulatedSkin)
-        if self._name not in known:
-            raise DeviceError(f"{self.name}: the robot has no skin {self._name!r}; it has {', '.join(known) or 'none'}")
-        self._skin = known[self._name]
-
-    def detach(self) -> None:
-        self._skin = None
-
-    def close(self) -> None:
-        self.detach()
-
-    def channels(self) -> int:
-        return self._attached().channels()
-
-    def read(self) -> SensorReading:
-        skin = self._attached()
-        with skin.simulation.lock:
-            return skin.read()
-
-    def calibrate(self, channel: int | None = None, value: float | None = None) -> None:
-        self._attached().calibrate(channel, value)
-
-    def _attached(self) -> SimulatedSkin:
-        if self._skin is None:
-            raise DeviceError(f"{self.name} is attached to no simulated robot; its action 'attach' comes first")
-        return self._skin

@@ -151,7 +151,7 @@ class TestTalking:
             configuration.write_place(server.contact)
             network = Network(configuration.find_names())
             with SimulatedRobot(ICUB, "bot", network=network, parts=("left_arm",), lockstep=True) as robot:
-                made = SimulatorService(robot, network=network, end=os.abort, lockstep=True)
+                made = SimulatorService(robot, network=network, end=os.abort)
                 yield made
                 made.close()
 

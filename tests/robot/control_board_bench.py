@@ -19,7 +19,8 @@ from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import IAxisInfo, IRemoteCalibrator, JointType
-from rtf.robot.network.outlets import Outlets, PipelinedOutlets
+from rtf.robot.network.outlets import PipelinedOutlets
+from rtf.robot.publishing import Outlets
 from rtf.robot.yarp3.table import COMMANDS, TOPICS
 
 
@@ -128,6 +129,6 @@ def reading(network: Network, name: str, codec, carrier: str = "tcp") -> Iterato
 @contextmanager
 def serving(device: object, network: Network, *, outlets: Outlets | None = None) -> Iterator[ControlBoardServer]:
     """A device whose messages have arrived when they are settled."""
-    outlets = outlets or PipelinedOutlets(network)
+    outlets = outlets or PipelinedOutlets()
     with closing(ControlBoardServer(device, "/robot/arm", network=network, outlets=outlets)) as server:
         yield server

@@ -66,7 +66,7 @@ def fake_board(network: Network, configuration: str = "") -> Iterator[tuple[Coun
         board = CountingBoard("fake", network=network)
         board.open(Property.parse(f"(GENERAL (Joints 3)) {configuration}"))
         opened.callback(board.close)
-        server = ControlBoardServer(board, "/fake", network=network, outlets=PipelinedOutlets(network))
+        server = ControlBoardServer(board, "/fake", network=network, outlets=PipelinedOutlets())
         opened.callback(server.close)
         yield board, server
 

@@ -119,9 +119,7 @@ class PartBench:
         limits = "(LIMITS (Min (-50 -50 -50)) (Max (50 50 50)))"
         self.device.open(Property.parse(f"(GENERAL (Joints 3)) {limits} (VARIABLES ({variables}))"))
         stack.callback(self.device.close)
-        self.server = ControlBoardServer(
-            self.device, "/fake", network=self.network, outlets=PipelinedOutlets(self.network)
-        )
+        self.server = ControlBoardServer(self.device, "/fake", network=self.network, outlets=PipelinedOutlets())
         stack.callback(self.server.close)
         self.board = stack.enter_context(board("/fake", network=self.network))
         self.board.open(Property({"remote": "/fake", "local": unique_local("/fake"), "carrier": "tcp"}))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack, closing
+from contextlib import ExitStack
 from importlib.util import find_spec
 
 import msgspec
@@ -13,11 +13,9 @@ from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.device import make_device
-from rtf.robot.errors import DeviceError
 from rtf.robot.interfaces import BatteryStatus, IBattery
-from rtf.robot.model import find_robot, load_robot
+from rtf.robot.model import load_robot
 from rtf.robot.model.file import Battery
-from waiting import eventually
 
 pytestmark = pytest.mark.skipif(not find_spec("mujoco"), reason="needs pip install 'rtf[sim]'")
 
@@ -135,36 +133,3 @@ def test_a_robot_serves_its_battery(tmp_path, monkeypatch):
         read = battery.charge(), battery.voltage(), battery.current(), battery.battery_status()
         assert read == (*robot.battery.reading[:3], BatteryStatus.IN_USE)
         assert battery.battery_info() == "a simulated battery of 90 Wh, 30 to 42 V"
-
-
-def test_a_battery_in_a_robot_interface(tmp_path, monkeypatch):
-    """It is attached to the simulated robot, and its server to it; a robot without a battery is named."""
-    monkeypatch.setenv("YARP_RUNTIME_DIR", str(tmp_path))
-    network = Network(LocalNames(), patience=30)
-
-    def device(kind: str, **parameters: object):
-        return opened.enter_context(closing(make_device(kind, Property(parameters), network=network)))
-
-    with ExitStack() as opened:
-        robot = device("simulatedRobot", model="bench", factor=50)
-        battery = device("simulatedBattery")
-        with pytest.raises(DeviceError, match="'attach' comes first"):
-            battery.charge()
-        battery.attach({"robot": robot})
-        server = device("battery_nws_yarp", name="/bot/battery", period=0.05)
-        server.attach({"battery": battery})
-        client = device("battery_nwc_yarp", remote="/bot/battery", timeout=1e6)
-        eventually(
-            lambda: client.battery_status() is BatteryStatus.IN_USE and client.charge() < 100.0, "it is not used"
-        )
-        assert "90 Wh" in client.battery_info()
-        server.detach()
-        battery.detach()
-        robot.close()
-        text = (find_robot("bench")).read_text(encoding="utf-8")
-        (tmp_path / "robot.toml").write_text(text.split("[sensors.battery]")[0], encoding="utf-8")
-        description = find_robot("bench").parent / "bench.xml"
-        (tmp_path / "bench.xml").write_text(description.read_text(encoding="utf-8"), encoding="utf-8")
-        without = device("simulatedRobot", model=str(tmp_path / "robot.toml"))
-        with pytest.raises(DeviceError, match="bench has no battery"):
-            battery.attach({"robot": without})

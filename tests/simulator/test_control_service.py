@@ -50,7 +50,7 @@ class Bench:
         self.robot: SimulatedRobot = SimulatedRobot(
             ICUB, network=network, parts=parts, lockstep=lockstep, factor=factor
         )
-        self.service = SimulatorService(self.robot, network=network, end=self.ended.set, lockstep=lockstep)
+        self.service = SimulatorService(self.robot, network=network, end=self.ended.set)
         self.control = SimulatorControl(network=network)
 
     def ask(self, question: str) -> str:

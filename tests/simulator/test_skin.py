@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack, closing
+from contextlib import ExitStack
 from importlib.util import find_spec
 
 import msgspec
@@ -13,11 +13,10 @@ from rtf.bottle import Property
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
 from rtf.robot.device import make_device
-from rtf.robot.errors import DeviceError, NotSupportedError
+from rtf.robot.errors import NotSupportedError
 from rtf.robot.interfaces import IAnalogSensor
 from rtf.robot.model import RobotModelError, find_robot, load_robot
 from rtf.robot.model.file import SkinPatch
-from waiting import eventually
 
 pytestmark = pytest.mark.skipif(not find_spec("mujoco"), reason="needs pip install 'rtf[sim]'")
 
@@ -191,29 +190,3 @@ def test_a_robot_serves_its_skin(tmp_path, monkeypatch):
         skin = client.view(IAnalogSensor)  # type: ignore[type-abstract]
         assert skin.channels() == 384
         assert skin.read().values.tolist() == robot.skin["left_forearm"].read().values.tolist()
-
-
-def test_skin_in_a_robot_interface(tmp_path, monkeypatch):
-    """It is attached to the simulated robot, and its server to it; unknown skin is named."""
-    monkeypatch.setenv("YARP_RUNTIME_DIR", str(tmp_path))
-    network = Network(LocalNames(), patience=30)
-
-    def device(kind: str, **parameters: object):
-        return opened.enter_context(closing(make_device(kind, Property(parameters), network=network)))
-
-    with ExitStack() as opened:
-        robot = device("simulatedRobot", model="icub", factor=1.0)
-        skin = device("simulatedSkin", sensor="right_hand")
-        with pytest.raises(DeviceError, match="attached to no simulated robot"):
-            skin.read()
-        skin.attach({"robot": robot})
-        server = device("analogServer", name="/icub/skin/right_hand")
-        server.attach({"skin": skin})
-        client = device(
-            "analogsensorclient", remote="/icub/skin/right_hand", local="/reader", carrier="tcp", timeout=30.0
-        )
-        eventually(lambda: client.channels() == 192, "no message of the skin")
-        assert abs(client.read().values.mean() - 240.0) < 1.0
-        tail = device("simulatedSkin", sensor="tail")
-        with pytest.raises(DeviceError, match="no skin 'tail'; it has left_hand, left_forearm"):
-            tail.attach({"robot": robot})

@@ -42,9 +42,10 @@ _LISTENING = 5.0
 class Participant:
     """A participant: its name for messages, the connection that it joined by, and the time that it waits for."""
 
+    number: int
     name: str
     sender: str
-    caller: int  # the thread that serves its connection; a port name may be reused
+    caller: int  # the thread that serves its connection, as a port name may be reused; 0 for one of this process
     until: float | None = None
 
 
@@ -134,6 +135,32 @@ class LockstepServer:
         """Let time advance again."""
         with self._changed:
             self._paused = False
+            self._tell_all()
+
+    # Participants of this process -------------------------------------------------------------------------------
+
+    def join(self, name: str, sender: str = "", caller: int = 0) -> Participant:
+        """Take part: from now on time advances only while ``wait_until`` is called for the participant."""
+        with self._changed:
+            number, self._next = self._next, self._next + 1
+            participant = self._participants[number] = Participant(number, name or sender, sender, caller)
+            return participant
+
+    def wait_until(self, participant: Participant, time: float) -> bool:
+        """Wait until ``time``; return False if time has ended before."""
+        time = round(time, _DIGITS)  # sums of decimal fractions differ from the intended value in the last bit
+        with self._changed:
+            participant.until = time
+            self._stands_since = clock.monotonic()
+        self._wait_until(time)
+        with self._changed:
+            participant.until = None
+            return not self._closed
+
+    def leave(self, participant: Participant) -> None:
+        """Stop taking part. A second call has no effect."""
+        with self._changed:
+            self._participants.pop(participant.number, None)
             self._tell_all()
 
     def close(self) -> None:
@@ -256,35 +283,25 @@ class LockstepServer:
 
     def _join(self, request: Bottle, sender: str) -> Bottle:
         with self._changed:
-            number, self._next = self._next, self._next + 1
-            self._participants[number] = Participant(as_string(request.get(1)) or sender, sender, get_ident())
-            return Bottle([_OK, number, self.now])
+            return Bottle([_OK, self.join(as_string(request.get(1)), sender, get_ident()).number, self.now])
 
     def _until(self, request: Bottle, sender: str) -> Bottle:
-        # Sums of decimal fractions differ from the intended value in the last bit.
-        time = round(as_float(request.get(2)), _DIGITS)
+        time = as_float(request.get(2))
         with self._changed:
             participant = self._participants.get(as_int(request.get(1)))
             if participant is None or participant.sender != sender:
                 return Bottle([_FAIL, "join first"])
-            if not math.isfinite(time):
-                return Bottle([_FAIL, f"{time} is not a time"])
-            participant.until = time
-            self._stands_since = clock.monotonic()
-        self._wait_until(time)
-        with self._changed:
-            participant.until = None
-            if self._closed:
-                return Bottle([_FAIL, "the clock was closed" if self.broken is None else f"time ended: {self.broken}"])
-            return Bottle([_OK, self.now])
+        if not math.isfinite(time):
+            return Bottle([_FAIL, f"{time} is not a time"])
+        if not self.wait_until(participant, time):
+            return Bottle([_FAIL, "the clock was closed" if self.broken is None else f"time ended: {self.broken}"])
+        return Bottle([_OK, self.now])
 
     def _leave(self, request: Bottle, sender: str) -> Bottle:
         with self._changed:
-            number = as_int(request.get(1))
-            participant = self._participants.get(number)
+            participant = self._participants.get(as_int(request.get(1)))
             if participant is not None and participant.sender == sender:
-                del self._participants[number]
-            self._tell_all()
+                self.leave(participant)
         return Bottle([_OK])
 
     def _now(self, _request: Bottle, _sender: str) -> Bottle:

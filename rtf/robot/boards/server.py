@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from rtf.bottle import Property
     from rtf.middleware.ports.network import Network
-    from rtf.robot.network.outlets import Outlets
+    from rtf.robot.publishing import Outlets
 
 #: Default period of the state, in seconds.
 DEFAULT_PERIOD = 0.02
@@ -37,7 +37,7 @@ class ControlBoardServer:
     service alone the streams have that dialect, too, otherwise that of the network.
 
     The ports are open from construction to ``close``. The owner calls ``publish`` every ``period`` seconds. ``outlets``
-    is explained at :class:`StateStreams`; outlets have a network of their own. Raises NotSupportedError for a device
+    is explained at :class:`StateStreams`. Raises NotSupportedError for a device
     without the number of its axes, and the middleware's errors if the ports cannot be opened.
     """
 
@@ -106,7 +106,12 @@ class ControlBoardDevice(PublishingDevice):
 
     def serve(self, device: Device) -> ControlBoardServer:
         return ControlBoardServer(
-            device, self.port_name, network=self.network, period=self.period, protocols=self._protocols
+            device.implementation,
+            self.port_name,
+            network=self.network,
+            period=self.period,
+            outlets=self.outlets,
+            protocols=self._protocols,
         )
 
 

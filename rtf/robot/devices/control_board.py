@@ -11,7 +11,7 @@ from rtf.robot.devices.calibrated_board import Calibrated
 from rtf.robot.devices.motor_board import MotorBoard
 from rtf.robot.errors import DeviceError
 from rtf.robot.extended_state import ExtendedState, IStateSource
-from rtf.robot.periodic_thread import PeriodicThread
+from rtf.robot.publishing import PeriodicPublishing
 
 if TYPE_CHECKING:
     from rtf.bottle import Property
@@ -30,7 +30,7 @@ class ControlBoard(BoardMotion, BoardMotors, BoardSettings, IStateSource, Calibr
     def __init__(self, name: str = "", *, driver: BoardDriver | None = None, network: Network | None = None) -> None:
         super().__init__(name, network=network)
         self._board = MotorBoard(driver or self.driver_class())
-        self._thread: PeriodicThread | None = None
+        self._thread: PeriodicPublishing | None = None
 
     @classmethod
     def over(cls, driver_class: type[BoardDriver]) -> type[ControlBoard]:
@@ -61,7 +61,7 @@ class ControlBoard(BoardMotion, BoardMotors, BoardSettings, IStateSource, Calibr
         period = self._board.driver.period
         if period is not None:
             report = self.network.report
-            self._thread = PeriodicThread(
+            self._thread = PeriodicPublishing(
                 _Cycles(self._board, period),
                 name=self.name,
                 report=lambda said: report(f"{self.name}: {said}"),

@@ -67,7 +67,7 @@ def job_of(robot: Robot, action: Action, devices: Mapping[str, Device]) -> Job:
     device = devices[action.device]
     if not action.kind.moves:
         return Job(_call_of(robot, action, device, devices))
-    calibrator, moved = _calibrator(device), devices[target(robot, action)]
+    calibrator, moved = _calibrator(device), devices[target(robot, action)].implementation
     if action.kind is ActionKind.PARK:
         return Job(lambda: calibrator.park(moved), calibrator)
     return Job(lambda: _calibrate(calibrator, moved), calibrator)
@@ -76,7 +76,7 @@ def job_of(robot: Robot, action: Action, devices: Mapping[str, Device]) -> Job:
 def _call_of(robot: Robot, action: Action, device: Device, devices: Mapping[str, Device]) -> Callable[[], object]:
     match action.kind:
         case ActionKind.ATTACH:
-            found = {key: devices[name] for key, name in attachments(robot, action).items()}
+            found = {key: devices[name].implementation for key, name in attachments(robot, action).items()}
             described: dict[str, Device] = {"robotDescription": Description(robot)}
             return lambda: device.attach(described if is_describing(robot, action) else found)
         case ActionKind.DETACH:

@@ -12,10 +12,12 @@ detached and closed. There is no remedy against a device that crashes the proces
 
 from __future__ import annotations
 
+import itertools
 import traceback
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from rtf import clock
 from rtf.clock import Deadline
 from rtf.robot.interface.actions import job_of
 from rtf.robot.interface.device_table import DeviceTable
@@ -24,7 +26,7 @@ from rtf.robot.interface.log import Level, Log, discard, seconds
 from rtf.robot.interface.model import INTERRUPTS, ActionKind, Phase
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from rtf.middleware.ports.network import Network
     from rtf.robot.device import Calibrator
@@ -183,22 +185,28 @@ class RobotInterface:
     def _perform_level(self, phase: Phase, actions: Sequence[Action]) -> None:
         heard = self._stop_requests.count
         moving: list[_Going] = []
-        for action in actions:
-            if self._has_to_leave(phase):
-                break
-            one = self._begin(action)
-            if one is None:
-                continue
-            if action.kind.moves:
-                moving.append(one)
+        for moves, together in itertools.groupby(actions, key=lambda action: action.kind.moves):
+            if moves:
+                with clock.current().taking_part(self.robot.name):  # so that all begin at the same time
+                    moving += self._begin_all(phase, together)
             else:
-                self._device_table.wait_for(one.task, one.deadline.remaining())
-                self._judge(one)
+                for one in self._begin_all(phase, together):
+                    self._device_table.wait_for(one.task, one.deadline.remaining())
+                    self._judge(one)
         if phase in INTERRUPTS[1:]:
             return  # not awaited any more; what moves is stopped
         self._wait_for_moves(moving, heard)
         for one in moving:
             self._judge(one)
+
+    def _begin_all(self, phase: Phase, actions: Iterable[Action]) -> Iterator[_Going]:
+        """Start actions, until the phase has to be left; those that cannot start are reported."""
+        for action in actions:
+            if self._has_to_leave(phase):
+                return
+            one = self._begin(action)
+            if one is not None:
+                yield one
 
     def _begin(self, action: Action) -> _Going | None:
         """Start an action. Return None if that fails; the failure is reported."""
@@ -221,7 +229,13 @@ class RobotInterface:
 
     def _start_alone(self, what: str, job: Callable[[], object]) -> Task:
         """Run a call in a thread of its own: movements, and their aborts."""
-        self._alone.append(Task(what, job, self._stop_requests).start())
+        part = clock.current().taking_part(what)
+
+        def run() -> object:
+            with part:
+                return job()
+
+        self._alone.append(Task(what, run, self._stop_requests).start())
         return self._alone[-1]
 
     def _wait_for_moves(self, moving: Sequence[_Going], heard: int) -> None:

@@ -6,7 +6,7 @@ The stamps of the messages are here, too.
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from rtf.bottle.values import INT32_MAX
 from rtf.middleware.ports.buffered import BufferedPort
@@ -20,43 +20,18 @@ if TYPE_CHECKING:
     from rtf.middleware.types.codecs import Codec
 
 
-class Outlet(Protocol):
-    """A port through which a server sends a stream."""
-
-    @property
-    def outputs(self) -> Sequence[Output]:
-        """The connected readers."""
-
-    def write(self, value: Any, *, envelope: str) -> object:  # Any: an object of the codec that it was opened with
-        """Send an object with its stamp. It may be changed afterwards, except while a ``local`` reader uses it."""
-
-    def settle(self, timeout: float | None = None) -> bool:
-        """Wait until all readers have received it; False after ``timeout`` s of real time."""
-
-    def close(self) -> None:
-        """Close the port."""
-
-
-class Outlets(Protocol):
-    """A factory of outlets."""
-
-    def open(self, name: str, codec: Codec[Any]) -> Outlet:
-        """Open a port for objects of a codec. Raises the middleware's errors."""
-
-
 class BackgroundOutlets:
     """Outlets for real time: a slow reader misses messages, and the server does not wait for it.
 
     ``strict``: no message is skipped; each waits until all readers have received the previous one.
     """
 
-    def __init__(self, network: Network, *, strict: bool = False) -> None:
-        self._network = network
+    def __init__(self, *, strict: bool = False) -> None:
         self._strict = strict
 
-    def open(self, name: str, codec: Codec[Any]) -> BackgroundOutlet:
+    def open(self, name: str, codec: Codec[Any], network: Network) -> BackgroundOutlet:
         """Open a port for objects of a codec."""
-        return BackgroundOutlet(name, codec, network=self._network, strict=self._strict)
+        return BackgroundOutlet(name, codec, network=network, strict=self._strict)
 
 
 class BackgroundOutlet:
@@ -87,12 +62,9 @@ class BackgroundOutlet:
 class PipelinedOutlets:
     """Outlets for lockstep publishing: ``write`` sends at once, ``settle`` waits for all readers."""
 
-    def __init__(self, network: Network) -> None:
-        self._network = network
-
-    def open(self, name: str, codec: Codec[Any]) -> PipelinedPort:
+    def open(self, name: str, codec: Codec[Any], network: Network) -> PipelinedPort:
         """Open a port for objects of a codec."""
-        return PipelinedPort(name, codec, network=self._network)
+        return PipelinedPort(name, codec, network=network)
 
 
 class StampCounter:

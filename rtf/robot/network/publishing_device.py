@@ -5,16 +5,18 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import TYPE_CHECKING, ClassVar, Protocol, TypeVar
 
+from rtf import clock
 from rtf.middleware.errors import MiddlewareError
 from rtf.robot import parameters
 from rtf.robot.device import Device
 from rtf.robot.errors import ConfigurationError, DeviceError, NotSupportedError
-from rtf.robot.periodic_thread import PeriodicThread, Publisher
+from rtf.robot.publishing import PeriodicPublishing, Publisher, PublishingClock
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from rtf.bottle import Property
+    from rtf.robot.publishing import Outlets
 
 T = TypeVar("T")
 #: The shortest period in seconds; a shorter one would keep a thread busy all the time.
@@ -31,7 +33,8 @@ class Server(Publisher, Protocol):
 class PublishingDevice(Device):
     """A server as a device of a configuration: ``name`` is the prefix of its ports, ``period`` its period.
 
-    ``attach`` takes the one device to serve, opens the ports and starts the publishing thread.
+    ``attach`` takes the one device to serve, opens the ports and starts to publish: in a thread of its own, or by the
+    simulation whose clock is that of this process.
     """
 
     #: The unit of ``period`` in seconds, and its default; None: it is required.
@@ -40,8 +43,14 @@ class PublishingDevice(Device):
     default_name: ClassVar[str | None] = None
 
     server: Server | None = None
-    _thread: PeriodicThread | None = None
+    _publishing: PeriodicPublishing | None = None
     _configuration: Property | None = None
+
+    @property
+    def outlets(self) -> Outlets | None:
+        """Where the server opens its streams: those of a simulation; None: ports that send in the background."""
+        time = clock.current()
+        return time.outlets if isinstance(time, PublishingClock) else None
 
     def open(self, configuration: Property) -> None:
         """Read the configuration. Raises ConfigurationError."""
@@ -73,13 +82,15 @@ class PublishingDevice(Device):
         except (MiddlewareError, NotSupportedError, ConfigurationError) as error:
             raise DeviceError(f"{self.name} cannot be attached to {name}: {error}") from error
         report = self.network.report
-        self._thread = PeriodicThread(self.server, name=self.name, report=lambda said: report(f"{self.name}: {said}"))
+        self._publishing = PeriodicPublishing(
+            self.server, name=self.name, report=lambda said: report(f"{self.name}: {said}")
+        )
 
     def detach(self) -> None:
         """Stop publishing and close the ports."""
-        if self._thread is not None:
-            self._thread.stop()
-            self._thread = None
+        if self._publishing is not None:
+            self._publishing.stop()
+            self._publishing = None
         if self.server is not None:
             self.server.close()
             self.server = None

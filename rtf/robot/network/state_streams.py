@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from rtf.middleware.ports.network import Network
     from rtf.middleware.ports.outputs import Output
-    from rtf.robot.network.outlets import Outlets
+    from rtf.robot.publishing import Outlets
 
 _POSITIONS = Field.JOINT_POSITIONS
 
@@ -44,10 +44,10 @@ class StateStreams:
         self._state = ExtendedState(axes)
         self._stamps = StampCounter()
         self._stale = False
-        outlets = outlets or BackgroundOutlets(network)
-        self._positions = outlets.open(f"{name}/state:o", VECTOR)
+        outlets = outlets or BackgroundOutlets()
+        self._positions = outlets.open(f"{name}/state:o", VECTOR, network)
         try:
-            self._extended = outlets.open(f"{name}/stateExt:o", EXTENDED_STATE)
+            self._extended = outlets.open(f"{name}/stateExt:o", EXTENDED_STATE, network)
         except BaseException:
             self._positions.close()
             raise

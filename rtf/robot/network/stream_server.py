@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rtf.bottle import Bottle, Dialect
     from rtf.middleware.ports.network import Network
     from rtf.middleware.types.codecs import Codec
-    from rtf.robot.network.outlets import Outlet, Outlets
+    from rtf.robot.publishing import Outlet, Outlets
 
 T = TypeVar("T")
 
@@ -37,7 +37,7 @@ class StreamServer(ABC, Generic[T]):
         self.name = name
         self.period = period
         self.network = network
-        self._outlets = outlets or BackgroundOutlets(network, strict=strict)
+        self._outlets = outlets or BackgroundOutlets(strict=strict)
         self._stamps = StampCounter()
         self._said = ""
         self._ports: list[Outlet] = []  # of the stream
@@ -84,8 +84,9 @@ class StreamServer(ABC, Generic[T]):
 
         ``dialect`` is that of the RPC ports; None: that of the network.
         """
+        outlets = self._outlets
         with ExitStack() as opened:
-            self._ports = [opened.enter_context(closing(self._outlets.open(name, codec))) for name in names]
+            self._ports = [opened.enter_context(closing(outlets.open(name, codec, self.network))) for name in names]
             if answer is not None:
                 network = self.network if dialect is None else self.network.in_dialect(dialect)
                 for name in [rpc] if isinstance(rpc, str) else rpc:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rtf.bottle import Property
     from rtf.middleware.ports.network import Network
     from rtf.robot.device import Device
-    from rtf.robot.network.outlets import Outlets
+    from rtf.robot.publishing import Outlets
 
 _IANALOG, _ALL, _CHANNEL = Vocab("iana"), Vocab("cal"), Vocab("calc")
 #: The answers to a calibration request.
@@ -151,7 +151,9 @@ class AnalogDevice(PublishingDevice):
             for port in (name, f"{name}/rpc:i"):
                 if exists(self.network, Contact(port)):
                     raise ConnectError(f"the port {port} exists already")
-        return AnalogServer(sensor, self.port_name, network=self.network, period=self.period, ports=self._ports)
+        return AnalogServer(
+            sensor, self.port_name, network=self.network, period=self.period, ports=self._ports, outlets=self.outlets
+        )
 
 
 # The client -----------------------------------------------------------------------------------------------------------

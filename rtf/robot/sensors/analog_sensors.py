@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from rtf.middleware.ports.network import Network
     from rtf.robot.device import Device
     from rtf.robot.network.latest_message import LatestMessage
-    from rtf.robot.network.outlets import Outlets
     from rtf.robot.network.stream_client import RpcConnection
+    from rtf.robot.publishing import Outlets
 
 
 _WORDS = 3  # words of a sensor's description
@@ -77,7 +77,9 @@ class AnalogSensorsDevice(PublishingDevice):
 
     def serve(self, device: Device) -> AnalogSensorsServer:
         sensors = device.view(IMultipleAnalogSensors)  # type: ignore[type-abstract]  # it is only looked for
-        return AnalogSensorsServer(sensors, self.port_name, network=self.network, period=self.period)
+        return AnalogSensorsServer(
+            sensors, self.port_name, network=self.network, period=self.period, outlets=self.outlets
+        )
 
 
 # The client -----------------------------------------------------------------------------------------------------------

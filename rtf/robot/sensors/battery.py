@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from rtf.bottle import Dialect, Property
     from rtf.middleware.ports.network import Network
     from rtf.middleware.types.codecs import Buffer
-    from rtf.robot.network.outlets import Outlets
+    from rtf.robot.publishing import Outlets
     from rtf.robot.yarp4.functions import Message
 
 #: The endings of the ports of a server.
@@ -142,7 +142,7 @@ class BatteryServerDevice(PublishingDevice):
 
     def serve(self, device: Device) -> BatteryServer:
         battery = device.view(IBattery)  # type: ignore[type-abstract]  # it is only looked for
-        return BatteryServer(battery, self.port_name, network=self.network, period=self.period)
+        return BatteryServer(battery, self.port_name, network=self.network, period=self.period, outlets=self.outlets)
 
 
 # The client ----------------------------------------------------------------------------------------------------------

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rtf.middleware.ports.network import Network
     from rtf.robot.device import Device
     from rtf.robot.network.latest_message import LatestMessage
-    from rtf.robot.network.outlets import Outlets
+    from rtf.robot.publishing import Outlets
 
 _CAPABILITIES = ("COLOR", "RAW")
 
@@ -104,6 +104,7 @@ class FrameGrabberDevice(PublishingDevice):
             controls=controls,
             raw=self._raw,
             strict=self._strict,
+            outlets=self.outlets,
         )
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from rtf.bottle import Property
     from rtf.middleware.ports.network import Network
     from rtf.robot.device import Device
-    from rtf.robot.network.outlets import Outlets
+    from rtf.robot.publishing import Outlets
 
 #: The sensors in the order of the message, three numbers each.
 ORDER = (
@@ -95,7 +95,9 @@ class InertialDevice(PublishingDevice):
 
     def serve(self, device: Device) -> InertialServer:
         sensors = device.view(IMultipleAnalogSensors)  # type: ignore[type-abstract]  # it is only looked for
-        return InertialServer(sensors, self.port_name, network=self.network, period=self.period, strict=self._strict)
+        return InertialServer(
+            sensors, self.port_name, network=self.network, period=self.period, strict=self._strict, outlets=self.outlets
+        )
 
 
 # The client -----------------------------------------------------------------------------------------------------------

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from rtf.middleware.types.codecs import Codec
     from rtf.robot.interfaces import FloatArray
     from rtf.robot.network.latest_message import ReceivedValue
-    from rtf.robot.network.outlets import Outlets
+    from rtf.robot.publishing import Outlets
 
 #: The endings of the ports of a server.
 COLOUR, DEPTH, RPC = "rgbImage:o", "depthImage:o", "rpc:i"
@@ -53,8 +53,8 @@ _MAJOR = 1
 class RgbdServer(StreamServer[RgbdImages]):
     """Publishes the images of a depth camera, and answers requests at ``NAME/rpc:i``.
 
-    Images are taken only while there are readers, and each is sent once. ``service``: the RPC port has the functions of
-    YARP 4 instead of the words of YARP 3; None: by the dialect of the network. Raises ConnectError and AddressError.
+    Images are taken only while there are readers, and each is sent once. ``protocol`` says which requests are answered,
+    YARP 3's or YARP 4's; None: those of the network's dialect. Raises ConnectError and AddressError.
     """
 
     def __init__(
@@ -65,17 +65,17 @@ class RgbdServer(StreamServer[RgbdImages]):
         network: Network,
         period: float,
         outlets: Outlets | None = None,
-        service: bool | None = None,
+        protocol: Dialect | None = None,
     ) -> None:
         super().__init__(name, network=network, period=period, outlets=outlets)
         self._sensor = sensor
         self._taken: float | None = None
-        if service is None:
-            service = network.dialect is Dialect.YARP4
-        rpc = f"{name}/{RPC}"
-        answer = rgbd_service(sensor, rpc, network=network).answer if service else RgbdResponder(sensor).answer
-        dialect = Dialect.YARP4 if service else None
-        self.open_ports([f"{name}/{COLOUR}", f"{name}/{DEPTH}"], IMAGE, rpc, answer, dialect=dialect)
+        streams, rpc = [f"{name}/{COLOUR}", f"{name}/{DEPTH}"], f"{name}/{RPC}"
+        if (protocol or network.dialect) is Dialect.YARP4:
+            functions = rgbd_service(sensor, rpc, network=network)
+            self.open_ports(streams, IMAGE, rpc, functions.answer, dialect=Dialect.YARP4)
+        else:
+            self.open_ports(streams, IMAGE, rpc, RgbdResponder(sensor).answer)
 
     def measure(self, now: float) -> tuple[RgbdImages, float] | None:  # noqa: ARG002 - the camera knows the time
         images = self._sensor.images()
@@ -102,7 +102,7 @@ class RgbdServerDevice(PublishingDevice):
 
     def serve(self, device: Device) -> RgbdServer:
         sensor = device.view(IRgbdSensor)  # type: ignore[type-abstract]  # it is only looked for
-        return RgbdServer(sensor, self.port_name, network=self.network, period=self.period)
+        return RgbdServer(sensor, self.port_name, network=self.network, period=self.period, outlets=self.outlets)
 
 
 # The client ----------------------------------------------------------------------------------------------------------

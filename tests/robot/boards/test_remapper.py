@@ -100,7 +100,7 @@ def link(request: pytest.FixtureRequest, shared_time: ManualClock, shared_networ
     network = copy.copy(shared_network)
     network.dialect = request.param
     with ExitStack() as stack:
-        devices, outlets = boards(), PipelinedOutlets(network)
+        devices, outlets = boards(), PipelinedOutlets()
         servers = [
             stack.enter_context(closing(ControlBoardServer(device, f"/r/{name}", network=network, outlets=outlets)))
             for name, device in devices.items()

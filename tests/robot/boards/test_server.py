@@ -77,7 +77,7 @@ def test_state_in_the_background(network: Network, board, stepped: ManualClock):
         assert go_on.wait(30)
 
     with (
-        serving(board, network, outlets=BackgroundOutlets(network)) as server,
+        serving(board, network, outlets=BackgroundOutlets()) as server,
         BufferedPort("/slow", EXTENDED_STATE, network=network, outputs=False) as slow,
     ):
         slow.deliver = dawdle  # type: ignore[method-assign]

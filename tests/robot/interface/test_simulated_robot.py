@@ -25,13 +25,11 @@ from rtf.robot.device import make_device
 from rtf.robot.devices.calibrator import BoardCalibrator
 from rtf.robot.errors import ConfigurationError, DeviceError, RefusedError, StaleStateError
 from rtf.robot.interface.robot_reader import read_robot
-from rtf.robot.interfaces import IAnalogSensor, IEncoders, IFrameGrabber, IPositionControl, PidType, SensorCategory
+from rtf.robot.interfaces import IAnalogSensor, IEncoders, IPositionControl, PidType, SensorCategory
 from rtf.robot.sensors.analog_sensors import AnalogSensorsClient
 from rtf.robot.yarp3.client import RemoteControlBoard
 from rtf.simulator.control_client import SimulatorControl
-from rtf.simulator.errors import RenderingError
 from rtf.simulator.part import SimulatedPart
-from rtf.simulator.rendering import rendering_back_end
 from waiting import eventually
 
 if TYPE_CHECKING:
@@ -107,7 +105,9 @@ def test_from_start_to_end(program: Program):
         assert len(sensors.sensors(SensorCategory.FORCE_TORQUE)) == 6
         eventually(lambda: _reads(sensors), "no measurement of the force-torque sensors comes")
         names = {contact.name for contact in network.names.list("/icubSim")}
-        assert {"/icubSim/inertial", "/icubSim/left_foot/analog:o", "/icubSim/head/stateExt:o"} <= names
+        assert {
+            f"/icubSim/{one}" for one in ("inertial", "left_foot/analog:o", "left_hand/analog:o", "head/stateExt:o")
+        } <= names
         assert {f"/icubSim/skin/{side}_{part}" for side in ("left", "right") for part in ("hand", "forearm")} <= names
         assert str(asking.call(Bottle.parse("quit"), timeout=10)) == "bye"
     assert program.process.wait(_LIMIT) == 0, program.said
@@ -155,30 +155,6 @@ def test_the_time_of_the_simulation_is_that_of_the_process(network: Network):
     assert time.now() >= late + 0.01
 
 
-def test_a_board_that_is_not_attached(network: Network):
-    """A board that is not attached raises an error; an attached one moves the part."""
-    with pytest.raises(ConfigurationError, match="the part of the simulated robot"):
-        make_device("simulatedBoard", Property())
-    board = make_device("simulatedBoard", Property({"part": "torso"}), name="torso")
-    position = board.view(IPositionControl)
-    with pytest.raises(DeviceError, match="torso is attached to no simulated robot"):
-        position.position_move(10.0, 0)
-    with pytest.raises(DeviceError, match="one simulatedRobot"):
-        board.attach({"board": board})
-    robot = make_device("simulatedICub", Property({"factor": 20.0}), network=network)
-    with closing(robot):
-        with pytest.raises(RefusedError, match="no part 'tail'"):
-            make_device("simulatedBoard", Property({"part": "tail"})).attach({"robot": robot})
-        board.attach({"robot": robot})
-        position.position_move(10.0, 0)
-        clock.current().sleep(2.0)
-        assert position.motion_done()
-        assert position.target_positions(0).tolist() == [10.0]
-        board.detach()
-        with pytest.raises(DeviceError, match="attached to no"):
-            position.motion_done()
-
-
 def test_it_has_the_control_port_and_the_faults_of_a_simulated_robot(network: Network):
     """Faults of joints and sensors act on attached devices; the control port cannot end the program."""
     robot = make_device("simulatedICub", Property({"factor": 20.0}), network=network)
@@ -203,36 +179,17 @@ def test_it_has_the_control_port_and_the_faults_of_a_simulated_robot(network: Ne
             control.quit()
 
 
-def test_its_cameras(network: Network):
-    """With the parameter ``cameras`` each camera is a device; without it the error of attaching names the parameter."""
-    camera = make_device("simulatedCamera", Property({"sensor": "left"}), name="left_eye")
-    blind = make_device("simulatedICub", Property({"factor": 20.0}), network=network)
-    with closing(blind), pytest.raises(DeviceError, match="no camera 'left'; it has none; see the parameter cameras"):
-        camera.attach({"robot": blind})
-    try:
-        rendering_back_end()
-    except RenderingError as error:
-        pytest.skip(str(error))
-    with closing(make_device("simulatedICub", Property({"cameras": True}), network=network)) as robot:
-        camera.attach({"robot": robot})
-        pixels = camera.view(IFrameGrabber).image()[0].pixels
-        assert pixels.shape == (240, 320, 3)
-        assert pixels.std() > 5.0
-        camera.detach()
-        with pytest.raises(DeviceError, match="left_eye is attached to no simulated robot"):
-            camera.view(IFrameGrabber).width()
-
-
 def test_abort_on_the_simulated_robot(network: Network):
     """An aborted calibration stops the moving joints and restores the controllers."""
     entry = read_robot(SHIPPED).robot.device("left_arm_calibrator")
     assert entry is not None
-    arm = make_device("simulatedBoard", Property({"part": "left_arm"}), name="left_arm")
-    assert isinstance(arm, SimulatedPart)
+    board = make_device("simulatedBoard", Property({"part": "left_arm"}), name="left_arm")
     calibrator = make_device(entry.kind, entry.configuration.copy(), name="calibrator", network=network)
     assert isinstance(calibrator, BoardCalibrator)
     with closing(make_device("simulatedICub", Property({"factor": 4.0}), network=network)) as robot:
-        arm.attach({"robot": robot})
+        board.attach({"robot": robot})
+        arm = board.implementation
+        assert isinstance(arm, SimulatedPart)
         before = arm.pids(PidType.POSITION)
         arm.set_reference_speeds([100.0, 100.0], [0, 1])
         arm.position_move([-80.0, 100.0], [0, 1])

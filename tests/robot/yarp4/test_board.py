@@ -45,7 +45,7 @@ from rtf.robot.interfaces import (
     PidType,
 )
 from rtf.robot.network.outlets import PipelinedOutlets
-from rtf.robot.periodic_thread import PeriodicThread
+from rtf.robot.publishing import PeriodicPublishing
 from rtf.robot.yarp3.client import RemoteControlBoard
 from rtf.robot.yarp4 import values as kinds
 from rtf.robot.yarp4.client import ControlBoardServiceClient
@@ -102,7 +102,7 @@ class Link(NamedTuple):
 @pytest.fixture(scope="class")
 def link(shared_time: ManualClock, shared_network: Network) -> Iterator[Link]:
     """One client and board for all tests."""
-    board, outlets = opened(), PipelinedOutlets(shared_network.in_dialect(Dialect.YARP4))
+    board, outlets = opened(), PipelinedOutlets()
     with (
         closing(
             ControlBoardServer(board, PART, network=shared_network, outlets=outlets, protocols=[Dialect.YARP4])
@@ -478,7 +478,7 @@ def publishing(network: Network, device: Device, *protocols: Dialect) -> Iterato
     """Serve a board, and publish its state periodically within the block."""
     protocols = protocols or (Dialect.YARP4,)
     with closing(ControlBoardServer(device, PART, network=network, period=0.005, protocols=protocols)) as server:
-        thread = PeriodicThread(server, name=PART, report=network.report)
+        thread = PeriodicPublishing(server, name=PART, report=network.report)
         try:
             yield server
         finally:

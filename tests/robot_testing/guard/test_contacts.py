@@ -5,9 +5,11 @@ from __future__ import annotations
 import sys
 import threading
 from contextlib import ExitStack
+from dataclasses import replace
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -25,6 +27,7 @@ from rtf.robot.boards.client import connect
 from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.devices.fake_board import FakeBoard
+from rtf.robot.model.file import ForceTorque
 from rtf.robot.network.outlets import PipelinedOutlets
 from rtf.robot_testing.guard.contacts import ContactWatch, Forces, NoForcesError, force_port
 from rtf.robot_testing.guard.limits import GuardError, Limits
@@ -87,7 +90,7 @@ class Limb:
         self.device.open(Property.parse("(GENERAL (Joints 3))"))
         stack.callback(self.device.close)
         self.server = ControlBoardServer(
-            self.device, "/fake/left_arm", network=self.network, outlets=PipelinedOutlets(self.network)
+            self.device, "/fake/left_arm", network=self.network, outlets=PipelinedOutlets()
         )
         stack.callback(self.server.close)
         self.sensor = Port(SENSOR, network=self.network, inputs=False)
@@ -378,10 +381,15 @@ def test_a_missing_sensor_is_reported():
         Forces("/nobody/left_arm/analog:o", network=Network(LocalNames()))
 
 
-def test_only_arms_and_legs_have_sensors():
-    """No sensor is expected at the head."""
+def test_the_model_says_which_parts_have_sensors():
+    """The outermost of the sensor's parts, whatever its port is called; one without a weight cannot be judged."""
     assert force_port(ICUB, "/icub/right_leg") == "/icub/right_leg/analog:o"
     assert force_port(ICUB, "/icub/head") is force_port(ICUB, "/icub/torso") is None
+    wrist = ForceTorque(link="l_hand", port="wrist", weight=5.0, parts=["torso", "head"])
+    sensors = msgspec.structs.replace(ICUB.sensors, force_torque={"wrist_ft": wrist})
+    robot = replace(ICUB, sensors=sensors)
+    assert force_port(robot, "/bot/head") == "/bot/wrist/analog:o"
+    assert force_port(robot, "/bot/torso") is force_port(robot, "/bot/right_leg") is None
 
 
 # On the simulated robot ------------------------------------------------------------------------------------------
@@ -451,7 +459,7 @@ class Strikes(RobotTest):
 BARE = '''"""A board without a sensor."""
 from rtf.bottle import Property
 from rtf.robot.devices.fake_board import FakeBoard
-from rtf.robot.periodic_thread import PeriodicThread
+from rtf.robot.publishing import PeriodicPublishing
 from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot_testing import RobotTest, Safety
 class Bare(RobotTest):
@@ -467,7 +475,7 @@ class Bare(RobotTest):
         for name in ("head", "left_leg"):
             server = ControlBoardServer(board, f"/bare/{name}", network=self.network)
             self.add_cleanup(server.close)
-            self.add_cleanup(PeriodicThread(server, name=name, report=self.report).stop)
+            self.add_cleanup(PeriodicPublishing(server, name=name, report=self.report).stop)
             self.open_part(name).wait(0.1)
 '''
 SUITE = """<suite name="s"><fixture name="names"> yarpserver </fixture>

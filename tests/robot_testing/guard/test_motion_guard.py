@@ -144,9 +144,7 @@ class Bench:
         coupling = "(kinematic_mj (1.0) (1.0 0.0 -1.0 1.0))"
         self.device.open(Property.parse(f"(GENERAL (Joints 3)) (VARIABLES {coupling})"))
         stack.callback(self.device.close)
-        self.server = ControlBoardServer(
-            self.device, "/fake", network=self.network, outlets=PipelinedOutlets(self.network)
-        )
+        self.server = ControlBoardServer(self.device, "/fake", network=self.network, outlets=PipelinedOutlets())
         stack.callback(self.server.close)
         self.board: RemoteControlBoard = stack.enter_context(connect("/fake", carrier="tcp", network=self.network))
         self.said: list[str] = []

@@ -83,7 +83,7 @@ class Lab:
         from rtf.simulator.robot import SimulatedRobot
 
         robot = self.stack.enter_context(SimulatedRobot(ICUB, "bot", network=self.network, parts=parts))
-        service = SimulatorService(robot, network=self.network, end=os.abort, lockstep=False)
+        service = SimulatorService(robot, network=self.network, end=os.abort)
         self.stack.callback(service.close)
         return self.stack.enter_context(SimulatorControl("bot", network=self.network))
 

@@ -21,7 +21,7 @@ from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.errors import StaleStateError
-from rtf.robot.periodic_thread import PeriodicThread
+from rtf.robot.publishing import PeriodicPublishing
 from rtf.robot_testing.guard.heartbeat import Heartbeat, heartbeats
 from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.guard.motion_guard import MotionGuard
@@ -56,7 +56,7 @@ class Robot:
         stack.callback(device.close)
         server = ControlBoardServer(device, "/fake", network=network)
         stack.callback(server.close)
-        stack.callback(PeriodicThread(server, name="states", report=print).stop)
+        stack.callback(PeriodicPublishing(server, name="states", report=print).stop)
         self.board = stack.enter_context(connect("/fake", network=network))
         eventually(self._has_state, "no state arrives")
         self.said: list[str] = []

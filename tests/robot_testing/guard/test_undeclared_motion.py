@@ -57,9 +57,7 @@ class Bench:
         self.device = FakeBoard("fake", network=self.network)
         self.device.open(Property.parse("(GENERAL (Joints 3))"))
         stack.callback(self.device.close)
-        self.server = ControlBoardServer(
-            self.device, "/fake", network=self.network, outlets=PipelinedOutlets(self.network)
-        )
+        self.server = ControlBoardServer(self.device, "/fake", network=self.network, outlets=PipelinedOutlets())
         stack.callback(self.server.close)
         self.board = stack.enter_context(connect_read_only("/fake", carrier="tcp", network=self.network))
         self.server.publish(self.time.now())
@@ -112,7 +110,7 @@ def test_a_part_with_a_guard_moves(bench: Bench):
 FORGETS = '''
 from rtf.bottle import Property
 from rtf.robot.devices.fake_board import FakeBoard
-from rtf.robot.periodic_thread import PeriodicThread
+from rtf.robot.publishing import PeriodicPublishing
 from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot_testing import RobotTest
 class Base(RobotTest):
@@ -124,7 +122,7 @@ class Base(RobotTest):
         self.add_cleanup(board.close)
         server = ControlBoardServer(board, "/icubSim/head", network=self.network)
         self.add_cleanup(server.close)
-        self.add_cleanup(PeriodicThread(server, name="head", report=self.report).stop)
+        self.add_cleanup(PeriodicPublishing(server, name="head", report=self.report).stop)
         self.head = self.open_part("head")
 class Forgets(Base):
     """Forgets to say that it moves."""

@@ -1,0 +1,100 @@
+"""The parameters of a simulated robot in a robot configuration, and what tests of it find in their environment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self, get_args
+
+from rtf.bottle import as_string, to_string
+from rtf.middleware.clocks.network_clock import CLOCK_PORT, CLOCK_VARIABLE, YARP_CLOCK_VARIABLE
+from rtf.robot.model import DEFAULT_ROBOT, ROBOT_MODEL_VARIABLE, load_robot
+from rtf.robot.model.errors import RobotModelError
+from rtf.robot.parameters import flag, port_name, positive, wrong
+from rtf.simulator.plant import Collision
+
+if TYPE_CHECKING:
+    from rtf.bottle import Property
+    from rtf.robot.interface.model import Robot
+    from rtf.robot.model import RobotModel
+
+#: The types of the device.
+SIMULATION = ("simulatedRobot", "simulatedICub")
+
+
+@dataclass(frozen=True, slots=True)
+class SimulationSettings:
+    """The parameters of ``simulatedRobot``, all with defaults.
+
+    ============= =====================================================================================
+    ``model``     the name or path of a robot (icub)
+    ``robot``     the beginning of the names of its ports (that of the model)
+    ``clock``     the name of the clock's port (``/clock``)
+    ``lockstep``  whether time passes only while all participants wait for it (no)
+    ``factor``    otherwise the greatest real-time factor (1)
+    ``seed``      of the random numbers (0)
+    ``collision`` capsules, hulls or none (capsules)
+    ``cameras``   whether its cameras render (no)
+    ============= =====================================================================================
+    """
+
+    model: RobotModel
+    name: str
+    clock: str
+    lockstep: bool
+    factor: float
+    seed: int
+    collision: Collision
+    cameras: bool
+
+    @classmethod
+    def read(cls, configuration: Property) -> Self:
+        """Read a configuration. Raises ConfigurationError."""
+        try:
+            model = load_robot(as_string(configuration.get("model", DEFAULT_ROBOT)))
+        except RobotModelError as error:
+            raise wrong(configuration, "model", str(error)) from error
+        seed = configuration.get("seed", 0)
+        if not isinstance(seed, int) or seed < 0:
+            raise wrong(configuration, "seed", f"{to_string(seed)} is no whole number from 0")
+        return cls(
+            model=model,
+            name=(as_string(configuration.get("robot", "")) or model.simulated_name).strip("/"),
+            clock=port_name(configuration, "clock", CLOCK_PORT),
+            lockstep=flag(configuration, "lockstep"),
+            factor=positive(configuration, "factor", 1.0),
+            seed=seed,
+            collision=_collision(configuration),
+            cameras=flag(configuration, "cameras"),
+        )
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """See :func:`environment_of`."""
+        return environment_of(self.name, str(self.model.folder), self.clock, lockstep=self.lockstep)
+
+
+def environment_of(name: str, model: str, clock: str, *, lockstep: bool) -> dict[str, str]:
+    """Return the variables of tests of a simulated robot: its name, its model, and its clock."""
+    time = f"lockstep:{clock}" if lockstep else clock
+    return {
+        "YARP_ROBOT_NAME": name,
+        ROBOT_MODEL_VARIABLE: model,
+        CLOCK_VARIABLE: time,
+        YARP_CLOCK_VARIABLE: clock,
+    }
+
+
+def simulation_in(robot: Robot) -> SimulationSettings | None:
+    """Return the parameters of the simulated robot in a configuration, None if it has none. Raises as ``read``."""
+    for entry in robot.devices:
+        if entry.kind in SIMULATION:
+            return SimulationSettings.read(entry.configuration)
+    return None
+
+
+def _collision(configuration: Property) -> Collision:
+    word = as_string(configuration.get("collision", "capsules"))
+    for known in get_args(Collision):
+        if word == known:
+            return known  # type: ignore[no-any-return]  # one of its words
+    raise wrong(configuration, "collision", f"{word!r} is none of {', '.join(get_args(Collision))}")
