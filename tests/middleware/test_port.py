@@ -70,6 +70,23 @@ class TestConnecting:
                 assert [one.sender for one in reader.inputs] == ["/me"]
         assert early == [False]
 
+    def test_ports_given_by_address_are_told_apart(self, network: Network):
+        """Each is called after its address; a second connection to one replaces the first, and it can be removed."""
+        with (
+            Port("/one", network=network) as one,
+            Port("/two", network=network) as two,
+            Port("/w", network=network) as writer,
+        ):
+            here = [f"/{port.contact.host}:{port.contact.port}/" for port in (one, two)]
+            for address in (*here, here[0]):
+                writer.add_output(address)
+            assert sorted(output.peer for output in writer.outputs) == sorted(here)
+            thread = in_thread(writer.write, Bottle([1]))
+            assert one.read(timeout=5) == two.read(timeout=5) == Bottle([1])
+            thread.join()
+            assert writer.remove_output(here[0])
+            assert [output.peer for output in writer.outputs] == [here[1]]
+
 
 class TestReading:
     """A plain port: writers wait until their message is read."""

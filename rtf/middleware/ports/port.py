@@ -179,7 +179,8 @@ class Port:
     def add_output(self, target: str | Contact, carrier: str = "") -> Contact:
         """Connect to a port, given by name (``/x``, ``udp://x``) or by address. Return its resolved contact.
 
-        An existing connection to the same port is replaced. By a carrier whose reader opens the connection, such as
+        An existing connection to the same port is replaced; ports of which only addresses are given are told apart by
+        these. By a carrier whose reader opens the connection, such as
         ``mjpeg``, the port becomes an input. Raises ConnectError, NameNotFoundError.
         """
         self._check_open()
@@ -187,7 +188,7 @@ class Port:
         found = self.network.resolve(contact)
         if found is None:
             raise NameNotFoundError(f"Do not know how to connect to {contact.name}")
-        found = found.by(carrier or contact.carrier or found.carrier or "tcp")
+        found = found.named().by(carrier or contact.carrier or found.carrier or "tcp")
         priority.check_output(found.carrier)
         if registry.by_name(found.carrier).pull:
             self._pull(found)

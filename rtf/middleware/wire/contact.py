@@ -59,6 +59,10 @@ class Contact:
         """Return the contact of the same port with another carrier."""
         return replace(self, carrier=carrier)
 
+    def named(self) -> Self:
+        """Return the contact with a name; a port of which only the address is known is called ``/host:port/``."""
+        return self if self.name else replace(self, name=str(self.by("")))
+
     def __str__(self) -> str:
         """Return the contact as YARP writes it: ``tcp://127.0.0.1:10002/``, or ``tcp:/`` and the name."""
         carrier = f"{self.carrier}:/" if self.carrier else ""

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from rtf.robot.model.file import Bench, Body, GuardTable, Sensors
+    from rtf.robot.model.file import Bench, Body, ForceTorque, GuardTable, Sensors
     from rtf.robot.model.workspace import Workspace
 
 
@@ -170,6 +170,16 @@ class RobotModel:
             return f"the thresholds of {self.name} are not validated; {self.folder} says so"
         tests = ", ".join(one.test for one in self.thresholds.values() if not one.validated)
         return f"the thresholds of {self.name} are not validated for {tests}; {self.folder} says so" if tests else ""
+
+    def contact_sensor(self, part: str) -> ForceTorque | None:
+        """Return the force-torque sensor that shows contacts of a part: one that bears a weight, on its chain.
+
+        The outermost of the parts that decide the direction of the weight is the one that the sensor is on.
+        """
+        for sensor in self.sensors.force_torque.values():
+            if sensor.weight and (sensor.parts or [sensor.port])[-1] == part:
+                return sensor
+        return None
 
     @cached_property
     def sensor_keys(self) -> tuple[str, ...]:

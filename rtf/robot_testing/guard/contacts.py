@@ -2,8 +2,8 @@
 
 The sensor also shows the weight of the limb, which turns with it, and its inertial and centrifugal forces. A change of
 force is therefore compared with the greatest change that the measured motion can explain. The rest is next to zero
-while a limb is free, however fast it moves, starts, stops or falls, and grows while something holds it. Arms and legs
-have a sensor; it sees contacts beyond it, so not those of the upper arm or the hip.
+while a limb is free, however fast it moves, starts, stops or falls, and grows while something holds it. The model of
+the robot says which part has a sensor, and its load; the sensor sees the contacts beyond it.
 """
 
 from __future__ import annotations
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from rtf.robot.extended_state import ExtendedState
     from rtf.robot.interfaces import FloatArray
     from rtf.robot.model import RobotModel
-    from rtf.robot.model.file import ForceTorque
 
 #: The channels of a message, with their units.
 CHANNELS = {"force_x": "N", "force_y": "N", "force_z": "N", "torque_x": "Nm", "torque_y": "Nm", "torque_z": "Nm"}
@@ -45,9 +44,8 @@ WITHIN = 0.2
 #: The inertial force is computed from the states of this time, s, before and after the averaged forces: stamps are not
 #: exact.
 _BEFORE, _AFTER = 0.035, 0.025
-#: A force is evaluated when there are states from this time after it, s. A newer force may come from motion that no
-#: state shows yet: the simulated leg, stepped by 2 deg, pulls with 12 to 36 N more than the states up to 20 ms before
-#: explain.
+#: A force is evaluated when there are states from this time after it, s: one and a half periods of the state. A newer
+#: force may come from motion that no state shows yet.
 _KNOWN = 0.015
 #: The motion between two states is unknown if they are farther apart than this, s, and than this number of usual
 #: periods.
@@ -59,8 +57,7 @@ _SILENT = 1.0
 #: A stamp that is earlier than the last one by more, s, means that the clock was set.
 _JUMP = 1.0
 #: Number of forces of which the mean of the middle two counts. So a single outlier is no contact, and the window is as
-#: long as that of the states which explain it. A leg driven by its full motor torque for 20 ms shows 80 N in one or two
-#: messages, and 50 N by the slope of its states: the median of three forces was up to 28 N too high, this mean 0.3 N.
+#: long as that of the states which explain it: a push of 20 ms shows in one or two messages, as in the slope of states.
 _AVERAGED = 4
 
 
@@ -155,7 +152,7 @@ class ContactWatch:
 
     def __init__(self, board: RemoteBoard, forces: Forces, robot: RobotModel, part: str) -> None:
         self.forces = forces
-        sensor = _watched_sensor(robot, part)
+        sensor = robot.contact_sensor(part)
         if sensor is None:
             raise RefusedError(f"{robot.name} has no force-torque sensor with a load on {part}")
         self._load = Load(sensor.weight or 0.0, sensor.lever)
@@ -326,9 +323,6 @@ def listen_to_forces(
 
 def force_port(robot: RobotModel, place: str) -> str | None:
     """Return the sensor's port of a part whose port names begin with ``place``; None for a part without a sensor."""
-    return f"{place}{_SENSOR}" if _watched_sensor(robot, place.rpartition("/")[2]) else None
-
-
-def _watched_sensor(robot: RobotModel, part: str) -> ForceTorque | None:
-    found = (sensor for sensor in robot.sensors.force_torque.values() if sensor.port == part and sensor.weight)
-    return next(found, None) if part in robot.parts else None
+    prefix, _, part = place.rpartition("/")
+    sensor = robot.contact_sensor(part)
+    return None if sensor is None else f"{prefix}/{sensor.port}{_SENSOR}"

@@ -2,8 +2,8 @@
 
 Noise of the speeds looks like acceleration: 1 deg/s of it in each joint of a leg would explain 30 N. So the
 acceleration is the slope of a line through several states, the steepest of any 0.04 s, less the slope that the noise of
-a limb at rest shows. A line through the whole time that may have led to a force would be too flat: the simulated leg,
-stepped by 4 deg, loads the sensor with 19 N more than such a line explains, and with 0 N more than this one does.
+a limb at rest shows. A line through the whole time that may have led to a force would be too flat for a step, which
+accelerates and brakes within it.
 """
 
 from __future__ import annotations
