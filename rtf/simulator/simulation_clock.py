@@ -15,8 +15,7 @@ if TYPE_CHECKING:
 
     from rtf.middleware.clocks.lockstep import Participant
     from rtf.middleware.ports.network import Network
-    from rtf.robot.publishing import Publisher
-    from rtf.simulator.robot import SimulatedRobot
+    from rtf.robot.publishing import Outlets, Publisher
     from rtf.simulator.simulation import Simulation
 
 CLOCK = "/clock"
@@ -53,11 +52,11 @@ class SimulationClock(PublishingClock):
     sleeper hangs.
     """
 
-    def __init__(self, robot: SimulatedRobot) -> None:
-        self.outlets = robot.outlets
-        self._simulation = robot.simulation
-        self._server = robot.clock
-        self._lockstep = robot.lockstep
+    def __init__(self, simulation: Simulation, server: LockstepServer, outlets: Outlets, *, lockstep: bool) -> None:
+        self.outlets = outlets
+        self._simulation = simulation
+        self._server = server
+        self._lockstep = lockstep
         self._local = threading.local()
         self._lock = threading.Lock()
         self._ended_at: tuple[float, float] | None = None  # of the machine's clock, and of this one

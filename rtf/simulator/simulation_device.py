@@ -69,7 +69,8 @@ class SimulationDevice(Device):
                 opened.callback(robot.close)
                 service = SimulatorService(robot, network=self.network, end=_refuse_to_end)
                 opened.callback(service.close)
-                opened.enter_context(clock.use(SimulationClock(robot)))
+                time = SimulationClock(robot.simulation, robot.clock, robot.outlets, lockstep=robot.lockstep)
+                opened.enter_context(clock.use(time))
                 self._opened = opened.pop_all()
         except RtfError as error:
             raise DeviceError(f"{self.name} cannot simulate: {error}") from error
