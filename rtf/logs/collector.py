@@ -80,6 +80,7 @@ class Collector:
         self._memory = self._share = memory
         self._lock = threading.Lock()
         self._backlogs: dict[str, _Backlog] = {}
+        self._writing = False
         self._arrived = threading.Event()
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="rtf-log-writer", daemon=True)
@@ -102,6 +103,16 @@ class Collector:
                 remote.connect(network, contact.by(""), own, "fast_tcp")
             except MiddlewareError as error:
                 network.report(f"{contact.name} does not send to {own.name}: {error}")
+
+    def flush(self, timeout: float = _CLOSING) -> bool:
+        """Wait until what has been sent is in the file; return False after ``timeout`` seconds."""
+        deadline = clock.Deadline.after(timeout)
+        self._await_quiet(deadline)
+        while self._backlogs or self._writing:
+            if deadline.expired:
+                return False
+            clock.sleep(_LOOK)
+        return True
 
     def close(self) -> None:
         """Write what has been sent, within two seconds, and receive nothing more. A second call has no effect."""
@@ -154,10 +165,12 @@ class Collector:
             closing = self._closing.is_set()
             if not closing:
                 self._arrived.clear()
+            self._writing = True
             batch = self._next_batch(hurry=closing)
             if batch:
                 self._write(batch)
-            elif closing:
+            self._writing = False
+            if closing and not batch:
                 return
             if self._backlogs:  # more waits, or a warning is due
                 self._arrived.set()

@@ -17,7 +17,7 @@ from rtf import clock
 from rtf.testing.cases import CaseTests
 from rtf.testing.events import TestEnded
 from rtf.testing.isolation.attempt import Attempt, Outcome, Stop, run_in_process
-from rtf.testing.isolation.messages import Job, Use
+from rtf.testing.isolation.messages import FailedTest, Job, Use
 from rtf.testing.suite.model import TEST_REQUIREMENT, Expected, Isolation, LostPolicy
 from rtf.testing.verdict import Verdict
 
@@ -134,6 +134,7 @@ class Attempts:
         worker.running = self._test.id
         isolation = self._run.options.isolation or self._test.isolation
         job = self._job(count, last=isolation is not Isolation.SUITE)
+        began = clock.now()
         if isolation is Isolation.NONE:
             outcome = run_in_process(job, self._emit, self._cases.take)
         else:
@@ -155,6 +156,9 @@ class Attempts:
         outcome = self._confirmed(outcome)
         if outcome.cut_short:
             self._supervisor.enter_safe_state(self._names)
+        if not outcome.verdict.good and outcome.verdict is not Verdict.INTERRUPTED:
+            failed = FailedTest(test=job.id, folder=job.folder, began=began, ended=clock.now())
+            self._supervisor.explain(self._names, failed)
         worker.running = ""
         return outcome
 

@@ -11,6 +11,7 @@ what happens            what is called
 the first start         ``setup``
 a later start           ``before_restart``, ``setup``
 while it is up          ``check``; ``enter_safe_state`` after a test that was cut short
+a test did not pass     ``on_test_failure``
 it collapsed            ``on_collapse``, ``teardown``
 ``setup`` did not work  ``teardown``
 it is no longer needed  ``enter_safe_state``, ``teardown``
@@ -47,7 +48,9 @@ from rtf.testing.verdict import FixtureCollapsed, Severity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from pathlib import Path
 
+    from rtf.testing.isolation.messages import FailedTest
     from rtf.testing.supervision.fixture_host import Host
 
 
@@ -206,6 +209,13 @@ class FixtureManager(Declared, UsesFixtures):
     def on_collapse(self, reason: str) -> None:
         """React to a collapse, before ``teardown``, for instance by saving logs. Not called when ``setup`` failed."""
 
+    def on_test_failure(self, failed: FailedTest) -> None:
+        """Add what this fixture knows of a test that did not pass, such as a log of its time, with :meth:`attach`.
+
+        Called after each attempt at a test on this fixture that failed, broke or lost a fixture, while this one is up,
+        and before the attempt ends for reports. What it raises is reported. It has ten seconds.
+        """
+
     def before_restart(self, generation: int) -> None:
         """Prepare another try (``generation`` is 2 or more), before ``setup``."""
 
@@ -257,6 +267,13 @@ class FixtureManager(Declared, UsesFixtures):
             raise FixtureValueError(f"{type(self).__name__} does not declare {key!r} in provides, which has: {known}")
         checked_value(value, self.provides[key].kind, f"{key!r} of fixture {self._host.name!r}")
         self._host.provide_value(key, value)
+
+    def attach(self, source: str | Path | bytes, name: str = "", media_type: str = "") -> Path:
+        """Attach a copy of a file, or bytes, which need a ``name``, to the test that failed. Returns the copy.
+
+        For ``on_test_failure``; elsewhere it raises RuntimeError.
+        """
+        return self._host.attach(source, name, media_type)
 
     def report(self, text: str) -> None:
         """Write a message into the journal."""

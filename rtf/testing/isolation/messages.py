@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 import msgspec
 
 from rtf import clock
-from rtf.testing.events import KINDS, Count, FixtureIncident, Moment, OutputCaptured
+from rtf.testing.events import KINDS, Attached, Count, FixtureIncident, Moment, OutputCaptured
 from rtf.testing.events import Message as TestMessage
 from rtf.testing.plugins import PluginRef
 from rtf.testing.verdict import TestingError, Verdict
@@ -180,11 +180,24 @@ class Answer(Message, frozen=True):
     source: str
 
 
+class FailedTest(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
+    """An attempt at a test that did not pass: its id, the folder of its files, and its time, in seconds since 1970."""
+
+    test: str
+    folder: str
+    began: float
+    ended: float
+
+
 class Command(Message, frozen=True):
-    """An order to a fixture's process: ``check``, ``enter_safe_state`` or ``teardown``; ``detail`` is its reason."""
+    """An order to a fixture's process: ``check``, ``enter_safe_state``, ``on_test_failure`` or ``teardown``.
+
+    ``detail`` is the reason of the last, ``failed`` the test of ``on_test_failure``.
+    """
 
     command: str
     detail: str = ""
+    failed: FailedTest | None = None
 
 
 # From a child to the runner ------------------------------------------------------------------------------------------
@@ -241,10 +254,14 @@ class Provided(msgspec.Struct, frozen=True, tag_field="event", tag="provided"):
 
 
 class Ready(msgspec.Struct, frozen=True, tag_field="event", tag="ready"):
-    """The fixture is set up. It may restore something, such as a robot; its ``stop_limit`` is in seconds."""
+    """The fixture is set up. It may restore something, such as a robot; its ``stop_limit`` is in seconds.
+
+    ``explains_failures``: its ``on_test_failure`` is to be called.
+    """
 
     secures_robot: bool
     stop_limit: float
+    explains_failures: bool = False
 
 
 class Alive(msgspec.Struct, frozen=True, tag_field="event", tag="alive"):
@@ -323,5 +340,5 @@ to_runner = msgspec.msgpack.Decoder(Forked | Exited | Loaded).decode
 to_child = msgspec.msgpack.Decoder(Job | Inspect | Answer | Command).decode
 from_child = msgspec.msgpack.Decoder(Union[(Finished, Case, Found, *KINDS.values())]).decode
 from_fixture = msgspec.msgpack.Decoder(
-    Doing | Provided | Ready | Alive | Lost | FixtureIncident | TestMessage | OutputCaptured
+    Doing | Provided | Ready | Alive | Lost | Attached | FixtureIncident | TestMessage | OutputCaptured
 ).decode

@@ -163,6 +163,7 @@ def child_main(channel_fd: int, out_fd: int, err_fd: int, dump_fd: int) -> int:
         if job.kind == "test":
             _work(job, channel)
             if job.last:
+                _end_logging()
                 return 0
         elif job.kind == "fixture":
             from rtf.testing.supervision import fixture_host
@@ -172,6 +173,17 @@ def child_main(channel_fd: int, out_fd: int, err_fd: int, dump_fd: int) -> int:
             from rtf.testing.isolation import fork_server
 
             return fork_server.serve_plugin(job.plugin)
+
+
+def _end_logging() -> None:
+    """Have handlers of :mod:`logging` write what they hold back, as at the end of any program; this one just exits."""
+    if "logging" in sys.modules:
+        try:
+            sys.modules["logging"].shutdown()
+        except Exception:  # noqa: BLE001 - as at the end of any program, it is shown and changes nothing
+            import traceback
+
+            traceback.print_exc()
 
 
 def _seed_anew() -> None:

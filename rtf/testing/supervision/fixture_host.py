@@ -17,20 +17,21 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import msgspec
 
 from rtf import clock
-from rtf.testing import plugins
+from rtf.testing import plugins, recording
 from rtf.testing.events import FixtureIncident, Message, OutputCaptured
 from rtf.testing.fixture import FixtureManager, FixtureUnusable
 from rtf.testing.isolation import processes
 from rtf.testing.isolation.messages import SAFE_STATE_NAME, Alive, Command, Doing, Lost, Provided, Ready
-from rtf.testing.session import Stoppable, author_traceback, bounded, named_text_of, text_of
+from rtf.testing.session import Session, Stoppable, author_traceback, bounded, named_text_of, text_of
 from rtf.testing.verdict import FixtureCollapsed, Phase, Severity, TestStopped
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
     from types import FrameType
     from typing import NoReturn
 
-    from rtf.testing.isolation.messages import Job
+    from rtf.testing.isolation.messages import FailedTest, Job
     from rtf.testing.isolation.worker import Channel
 
 T = TypeVar("T")
@@ -53,6 +54,7 @@ class Host(Stoppable[msgspec.Struct]):
         self._cause = ""  # why it collapsed, once it has
         self._cause_lock = threading.Lock()
         self._runner_gone = False
+        self._failed: FailedTest | None = None  # the test that is being explained
         self._provided: set[str] = set()  # the keys of the values that were handed on
 
     # What the manager says ---------------------------------------------------------------------------------------
@@ -139,7 +141,8 @@ class Host(Stoppable[msgspec.Struct]):
             if missing:
                 raise FixtureUnusable(f"setup() of fixture {self.name!r} did not provide {', '.join(missing)}")
             has_safe_state = type(manager).enter_safe_state is not FixtureManager.enter_safe_state
-            return Ready(bool(manager.occupies) and has_safe_state, float(manager.stop_limit))
+            explains = type(manager).on_test_failure is not FixtureManager.on_test_failure
+            return Ready(bool(manager.occupies) and has_safe_state, float(manager.stop_limit), explains)
 
         self.phase = Phase.SETUP
         ready = self._attempt(set_up, lambda error: self._raised(error, hopeless=isinstance(error, FixtureUnusable)))
@@ -165,6 +168,8 @@ class Host(Stoppable[msgspec.Struct]):
                 return
             if kind == "enter_safe_state":  # one whose state after a test is unknown is as good as gone
                 self._attempt(manager.enter_safe_state, lambda error: self._raised(error, "enter_safe_state() raised "))
+            elif command is not None and command.failed is not None:
+                self._explain(manager, command.failed)
             elif not (self.stopped or self._runner_gone or self._cause):
                 self._check(manager)
             if not (self.stopped or self._cause):
@@ -193,6 +198,26 @@ class Host(Stoppable[msgspec.Struct]):
                 raise FixtureCollapsed("check() returned False")
 
         self._attempt(check, lambda error: self._raised(error, "check() raised "))
+
+    def _explain(self, manager: FixtureManager, failed: FailedTest) -> None:
+        """Have the fixture add to what is known of a test; an error of its own is a message, and no collapse."""
+
+        def complain(error: BaseException) -> None:
+            self.message(Severity.ERROR, "on_test_failure", f"on_test_failure() raised {named_text_of(error)}")
+
+        self._failed = failed
+        try:
+            self._attempt(lambda: manager.on_test_failure(failed), complain)
+        finally:
+            self._failed = None
+
+    def attach(self, source: str | Path | bytes, name: str, media_type: str) -> Path:
+        """Keep a file of the test that failed. Raises RuntimeError when there is none."""
+        failed = self._failed
+        if failed is None:
+            raise RuntimeError("a fixture attaches files to a test that failed, in on_test_failure()")
+        session = Session(failed.test, self.emit, folder=failed.folder, run_folder=self._job.run_folder)
+        return recording.attach(session, source, name, media_type)
 
     # The end -----------------------------------------------------------------------------------------------------
 

@@ -7,6 +7,7 @@ the runner sends                           the process sends (``isolation.messag
 .                                          ``Provided``; ``Ready``, or ``Lost``, after which it comes down by itself
 .                                          ``Alive`` after each check, every check period, or ``Lost``
 ``check``, ``enter_safe_state``            ``Alive``, with ``answered``, or ``Lost``
+``on_test_failure``, with the test         ``Attached``; ``Alive``, with ``answered``
 ``teardown``, with the reason if it is     ``Doing enter_safe_state()``, or ``Doing on_collapse()`` if it was lost
 lost                                       ``Doing teardown()``; a ``FixtureIncident`` for what goes wrong here
 .                                          ``Doing nothing``, and it ends
@@ -28,7 +29,7 @@ from typing import TYPE_CHECKING, Any
 from msgspec.structs import replace
 
 from rtf import clock
-from rtf.testing.events import FixtureChanged, FixtureIncident, Message, OutputCaptured, StackDumped
+from rtf.testing.events import Attached, FixtureChanged, FixtureIncident, Message, OutputCaptured, StackDumped
 from rtf.testing.isolation import messages, processes
 from rtf.testing.isolation.capture import Capture, Tail
 from rtf.testing.isolation.messages import SAFE_STATE_LIMIT, STOP_LIMIT, Alive, Command, Doing, Provided, Ready
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
 
     from rtf.testing.events import Event
     from rtf.testing.isolation.child import Child, End
-    from rtf.testing.isolation.messages import Job
+    from rtf.testing.isolation.messages import FailedTest, Job
     from rtf.testing.suite.model import FixtureEntry
 
 #: The default limits in seconds.
@@ -83,6 +84,8 @@ class Fixture:
     safe_state_due: bool = False
     #: Whether it puts back something of which there is only one, such as a robot; it says so when it is up.
     secures_robot: bool = False
+    #: Whether it wants to hear of tests that did not pass; it says so when it is up.
+    explains_failures: bool = False
     #: Seconds it may take to come down when the run has to end at once; it says so when it is up.
     stop_limit: float = STOP_LIMIT
     process: FixtureProcess | None = None
@@ -197,6 +200,7 @@ class FixtureProcess:
         self._left_out = 0
         self._incidents = 0
         self._nonsense = 0
+        self._explained = ""  # the test to which it may attach files
 
     def begin(self, job: Job) -> None:
         """Make the process set the fixture up."""
@@ -210,7 +214,7 @@ class FixtureProcess:
         entry = self._fixture.entry
         if step == "setup()":
             return (entry.timeouts.setup or SETUP_LIMIT) + seconds_to_wait()
-        if step == "check()":
+        if step in ("check()", "on_test_failure()"):
             return entry.check_period + CHECK_LIMIT
         limit = SAFE_STATE_LIMIT if step == "enter_safe_state()" else entry.timeouts.teardown or TEARDOWN_LIMIT
         stop_by = self._stop_by()
@@ -230,12 +234,16 @@ class FixtureProcess:
         """Whether tests can run on this very generation."""
         return self._fixture.ready and self._fixture.process is self
 
-    def ask(self, command: str) -> None:
-        """Request ``check`` or ``enter_safe_state``; ``answered`` becomes true when the process has done it."""
+    def ask(self, command: str, failed: FailedTest | None = None) -> None:
+        """Request ``check``, ``enter_safe_state`` or, with the test, ``on_test_failure``.
+
+        ``answered`` becomes true when the process has done it.
+        """
         self.answered = False
-        if command == "enter_safe_state":
-            self._enter("enter_safe_state()", Phase.CHECK)
-        self._child.send(Command(command))
+        self._explained = failed.test if failed is not None else ""
+        if command != "check":
+            self._enter(f"{command}()", Phase.CHECK)
+        self._child.send(Command(command, failed=failed))
 
     def look(self) -> None:
         """Handle a process that has ended, fallen silent or closed its channel. Called after each event."""
@@ -350,7 +358,9 @@ class FixtureProcess:
             return
         if isinstance(message, OutputCaptured):
             self._written(message.stream, message.text.encode("utf-8", "backslashreplace"))
-        elif isinstance(message, Message | FixtureIncident):
+        elif isinstance(message, Attached) and not self._explained:
+            self._complain(f"a file {message.name!r} for no test")
+        elif isinstance(message, Attached | Message | FixtureIncident):
             self._take_event(message, len(data))
         elif isinstance(message, Alive):
             self._alive(answered=message.answered)
@@ -365,7 +375,7 @@ class FixtureProcess:
             self._fixture.hopeless = message.hopeless
             self._fixture.collapse(self._completed(message.incident))
 
-    def _take_event(self, event: Message | FixtureIncident, size: int) -> None:
+    def _take_event(self, event: Attached | Message | FixtureIncident, size: int) -> None:
         """Emit an event, unless the fixture has sent too much already."""
         self._bytes += size
         incident = isinstance(event, FixtureIncident)
@@ -374,6 +384,8 @@ class FixtureProcess:
             self._left_out += 1
         elif isinstance(event, FixtureIncident):
             self._fixture.report(self._completed(event))
+        elif isinstance(event, Attached):
+            self._fixture.emit(replace(event, test=self._explained, fixture=self._fixture.name))
         else:
             self._pass_on(event)
 
@@ -390,6 +402,7 @@ class FixtureProcess:
     def _ready(self, message: Ready) -> None:
         fixture = self._fixture
         fixture.secures_robot, fixture.stop_limit = message.secures_robot, message.stop_limit
+        fixture.explains_failures = message.explains_failures
         if fixture.state is FixtureState.STARTING:
             self._enter("check()", Phase.CHECK)
             fixture.change(FixtureState.READY)

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from rtf.testing.events import Event
-    from rtf.testing.isolation.messages import Job
+    from rtf.testing.isolation.messages import FailedTest, Job
     from rtf.testing.isolation.worker_pool import ForkServerClient
     from rtf.testing.plugins import PluginRef
 
@@ -196,6 +196,14 @@ class Supervisor:
             self._fixtures[name].safe_state_due = True
             if not self._in_a_hurry():
                 self._enter_safe_state(name)
+
+    def explain(self, names: Iterable[str], failed: FailedTest) -> None:
+        """Have the fixtures that want to hear of it add what they know of a test that did not pass."""
+        for fixture in self._with_dependencies(names):
+            process = self._up(fixture.name)
+            if process is not None and fixture.explains_failures and not self._in_a_hurry():
+                process.ask("on_test_failure", failed)
+                self._wait(lambda one=process: one.answered or not one.up or self._in_a_hurry())  # type: ignore[misc]
 
     def take_down(self, names: Iterable[str]) -> None:
         """Tear down these fixtures, dependents first; an error of one does not keep the others up.
