@@ -10,6 +10,8 @@ from rtf.testing.verdict import Verdict
 
 TORSO = '<parameter name="part">torso</parameter>'
 
+YAW = '<parameter name="joints">(0)</parameter>'
+
 
 def entry(name, inject="", where=TORSO, more=""):
     """A test of the suite."""
@@ -19,9 +21,9 @@ def entry(name, inject="", where=TORSO, more=""):
 
 SUITE = "".join([
     entry("healthy"),
-    entry("eccentric", "encoder_eccentric torso_yaw amplitude=1"),
-    entry("spikes", "motor_encoder_spikes torso_yaw height=500 rate=5"),
-    entry("late", "motor_encoder_late torso_yaw age=0.01", more='<parameter name="joints">(0)</parameter>'),
+    entry("spikes", "motor_encoder_spikes torso_yaw height=500 rate=5", more=YAW),
+    entry("sticky", "sticky_place torso_yaw torque=5 place=0.3", more=YAW),
+    entry("jams", "jam_at_times torso_yaw length=0.04 rate=2", more=YAW),
 ])  # fmt: skip
 
 
@@ -37,16 +39,12 @@ def test_a_healthy_torso_is_swept_from_end_to_end(outcome, measured):
     for axis in PARTS["torso"]:
         (error,) = measured(outcome, "healthy", "error over the range", axis.name)
         assert error.value < 0.05
+        (dry,) = measured(outcome, "healthy", "dry friction", axis.name)
+        assert dry.value == pytest.approx(100.0 * axis.friction / axis.max_torque, rel=0.1)
         (series,) = outcome.of(SeriesRecorded, name="disagreement of the encoders", subject=axis.name, test="s/healthy")
         with np.load(outcome.folder / series.path) as data:
             assert data["joint"].min() == pytest.approx(axis.minimum + 2.0, abs=1.5)
             assert data["joint"].max() == pytest.approx(axis.maximum - 2.0, abs=1.5)
-
-
-def test_an_eccentric_magnet_is_named_and_measured(outcome):
-    """Of one degree, and at its joint only."""
-    assert failed_parts(outcome, "eccentric") == ["torso_yaw"]
-    assert "eccentric magnet of the joint encoder would, by 1.0" in said(outcome, "eccentric")
 
 
 def test_spikes_are_counted_at_the_encoder_that_has_them(outcome, measured):
@@ -60,8 +58,15 @@ def test_spikes_are_counted_at_the_encoder_that_has_them(outcome, measured):
     assert error.value < 0.05
 
 
-def test_the_delay_of_a_late_encoder_is_measured(outcome, measured):
-    """Ten milliseconds, of the motor: the joint encoder is ahead."""
-    (delay,) = measured(outcome, "late", "delay of the joint encoder", "torso_yaw")
-    assert delay.value == pytest.approx(-10.0, abs=0.5)
-    assert "the motor encoder is 10" in said(outcome, "late")
+def test_a_sticky_place_is_found_where_it_is(outcome, measured):
+    """Of 5 Nm, a tenth of what the motor has, at 30 % of the range."""
+    (more,) = measured(outcome, "sticky", "additional friction in one place", "torso_yaw")
+    assert more.value == pytest.approx(10.0, abs=3.0)
+    assert "more at -2" in said(outcome, "sticky")
+    assert "in both directions" in said(outcome, "sticky")
+
+
+def test_a_jam_that_comes_and_goes_is_no_sticky_place(outcome):
+    """It is found in the move in which it was, and where it does not return."""
+    assert failed_parts(outcome, "jams") == ["torso_yaw"]
+    assert "in one of its moves, and not in the others" in said(outcome, "jams")

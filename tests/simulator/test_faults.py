@@ -239,6 +239,36 @@ def rubs(bench: Bench) -> None:
     assert 3.0 < more < 7.0
 
 
+def sticks_in_a_place(bench: Bench) -> None:
+    """It takes 5 Nm more in the middle of its range, and none beside it."""
+    hinge = bench.simulation.plant.dofs[ELBOW][0]
+    losses = bench.simulation.plant.model.dof_frictionloss
+    assert losses[hinge] == 0.0
+    bench.boards.speeds[ELBOW] = 40.0
+    bench.boards.move(HERE, np.array([80.0]))
+    seen = {}
+    for _ in range(1200):
+        bench.run(0.001)
+        seen[round(bench.true, 1)] = float(losses[hinge])
+    sticky = [place for place, torque in seen.items() if torque == 5.0]
+    assert sticky
+    assert min(sticky) == pytest.approx(57.5, abs=0.3)
+    assert max(sticky) == pytest.approx(63.5, abs=0.3)
+
+
+def jams_at_times(bench: Bench) -> None:
+    """In a long move it stops for a while, and still arrives."""
+    speeds = []
+    for target in (100.0, 20.0):
+        bench.boards.speeds[ELBOW] = 20.0
+        bench.boards.move(HERE, np.array([target]))
+        bench.run(0.5)
+        speeds += errors_in(bench, lambda: abs(float(bench.boards.velocity[ELBOW])), 1.5).tolist()
+        bench.run(3.0)
+    assert 50 < sum(speed < 1.0 for speed in speeds) < 1500
+    assert bench.true == pytest.approx(20.0, abs=1.0)
+
+
 def is_pushed(bench: Bench) -> None:
     """A stiff joint needs torque to hold, a compliant one gives way."""
     weight = Bench().boards.measured_torques()[ELBOW]
@@ -759,6 +789,8 @@ SHOWS: dict[str, Callable[[Bench], None]] = {
     "jam": held_jam,
     "friction": rubs,
     "push": is_pushed,
+    "sticky_place": sticks_in_a_place,
+    "jam_at_times": jams_at_times,
     "motor_dead": falls,
     "motor_weak": is_weak,
     "motor_sign": runs_away,

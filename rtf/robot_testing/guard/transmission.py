@@ -133,6 +133,11 @@ class Transmission:
         others = [one for one in self.coupled(joint) if one != joint]
         return [one for one in others if board.control_mode(one) is mode]
 
+    def joint_duties(self, duties: ArrayLike, joint: int) -> FloatArray:
+        """Return the duty cycles of a joint (%), the sums of those of its motors; ``duties`` are (states, axes)."""
+        found: FloatArray = np.asarray(duties, dtype=np.float64) @ (np.sign(self.gearbox) * self.coupling[:, joint])
+        return found
+
     def holding_duty(self, duties: ArrayLike, joint: int) -> float:
         """Return the duty cycle (%) at which the joint's own motor gives the torque that all its motors give now."""
         column = np.sign(self.gearbox) * self.coupling[:, joint]

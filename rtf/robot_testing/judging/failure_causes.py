@@ -24,6 +24,8 @@ _CAUSES: dict[str, tuple[str, ...]] = {
         "a slipping coupling, or a belt or tendon that yields",
         "a wrong resolution or ratio in the configuration",
     ),
+    "sticky": ("a damaged tooth of the gearbox", "a kinked cable or tendon", "a dented or dry bearing"),
+    "blocked at times": ("something loose in the gearbox", "a cable that hooks", "an obstacle that gave way"),
     "short of limit": (
         "a limit in the configuration beyond the hardware's",
         "an obstacle",

@@ -15,6 +15,7 @@ from rtf.simulator.faults import (
     network,
     sensors,
     skin,
+    sticky,
     wiring,
 )
 from rtf.simulator.faults.base import Fault
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 KINDS: Mapping[str, type[Fault]] = {
     kind.kind: kind
-    for layer in (mechanics, encoders, encoder_errors, wiring, boards, sensors, skin, depth, network)
+    for layer in (mechanics, sticky, encoders, encoder_errors, wiring, boards, sensors, skin, depth, network)
     for kind in layer.KINDS
 }
 #: Names can come from the network: one with a slash would name any file.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from rtf.simulator.faults.base import AxisFault, Layer, Parameter
@@ -10,33 +11,40 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
 
 
-class _Friction(AxisFault):
-    """A fault that adds dry friction at the hinges of a joint."""
+class AddedFriction(AxisFault):
+    """A fault that adds dry friction at the hinges of a joint: by default ``torque``, all the time."""
 
     layer = Layer.PLANT
-    restores = True
     torque: float
 
     def begin(self) -> None:
-        self._healthy = {dof: float(self._losses[dof]) for dof in self._dofs}
-        for dof in self._dofs:
-            self._losses[dof] += self.torque
+        self.add(self.torque)
 
     def end(self) -> None:
-        for dof, loss in self._healthy.items():
-            self._losses[dof] = loss
+        for hinge in self.hinges:
+            del self.boards.friction_faults[hinge][self]
+            self._sum(hinge)
 
     @property
-    def _dofs(self) -> list[int]:
+    def hinges(self) -> list[int]:
+        """The degrees of freedom that the joint moves."""
         return [int(dof) for dof in self.simulation.plant.dofs[self.axis]]
 
-    @property
-    def _losses(self) -> FloatArray:
-        losses: FloatArray = self.simulation.plant.model.dof_frictionloss
-        return losses
+    def add(self, torque: float) -> None:
+        """Set the friction that this fault adds now, Nm at each hinge."""
+        for hinge in self.hinges:
+            self.boards.friction_faults.setdefault(hinge, {})[self] = torque
+            self._sum(hinge)
+
+    def _sum(self, hinge: int) -> None:
+        """Let the engine add what all faults of a hinge add; a simulation has no other friction in the engine."""
+        added = self.boards.friction_faults[hinge]
+        self.simulation.plant.model.dof_frictionloss[hinge] = math.fsum(added.values())
+        if not added:
+            del self.boards.friction_faults[hinge]
 
 
-class Jam(_Friction):
+class Jam(AddedFriction):
     """Mechanical block of a joint."""
 
     kind = "jam"
@@ -45,7 +53,7 @@ class Jam(_Friction):
     parameters = (Parameter("torque", 400.0, "Nm", "the torque that would move it", 0.0, 1e5),)
 
 
-class Friction(_Friction):
+class Friction(AddedFriction):
     """Additional dry friction of a joint."""
 
     kind = "friction"
