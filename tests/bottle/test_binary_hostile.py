@@ -157,7 +157,7 @@ def test_codes_of_one_dialect_are_none_of_the_other():
 
 
 def test_a_peer_is_known_by_its_floats():
-    """The dialect of a bottle can be told by its doubles only."""
+    """The dialect of a bottle is known by its doubles only."""
     for text in ("1.5", "[is] 2 1.5", "(1.0 2.0) x", "3.25 (0.0) [ok]"):
         for dialect in Dialect:
             assert possible_dialects(encode(Bottle.parse(text), dialect)) == (dialect,)

@@ -211,7 +211,7 @@ class Ports(RuleBasedStateMachine):
             self.await_message()
 
     def await_message(self) -> None:
-        """See that what a writer of a plain port waits with is there, so that what is written later comes later."""
+        """Wait until the message of a plain port's writer has arrived, so that a later write arrives later."""
         if self.model.busy:
             eventually(lambda: self.reader._handoff._waiting is not None, "the message does not come")
 

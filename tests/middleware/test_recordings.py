@@ -1,6 +1,6 @@
 """Conversations between ports of YARP 3.12.3 and 4.0.0, replayed in both roles.
 
-Port numbers, process ids and the texts of help differ between machines, and from ours; all other bytes are the same.
+Port numbers, process ids and help texts differ between machines and implementations; all other bytes are the same.
 """
 
 from __future__ import annotations

@@ -141,8 +141,8 @@ def test_nobody_misses_a_line_or_gets_one_twice(folder: Path):
     assert not run.left_over()
 
 
-def test_a_client_that_stalls_holds_nobody_up(folder: Path):
-    """A client that does not read costs a limited buffer, and delays nobody."""
+def test_a_client_that_stalls_delays_no_other(folder: Path):
+    """A client that does not read costs a limited buffer, and delays no other client."""
     run = LiveRun(folder, "-s", "loud.xml", "--no-output")
     with socket.create_connection((run.page.host, run.page.port)) as stalled:
         stalled.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)

@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 @pytest.fixture
 def said() -> list[str]:
-    """What the network reported."""
+    """The sentences that the network reported."""
     return []
 
 
 @contextmanager
 def nothing_left() -> Iterator[None]:
-    """What happens within the block leaves no thread and no descriptor."""
+    """Check that the block leaves no thread and no descriptor."""
     threads = set(threading.enumerate())
     descriptors = open_descriptors()
     yield

@@ -169,12 +169,12 @@ class ControlBoardContract:
         self.settle()
 
     def middle(self, board: Device, joint: int) -> float:
-        """The middle of a joint's limits."""
+        """Return the middle of a joint's limits."""
         low, high = self.of(board, IControlLimits).limits(joint)
         return (low + high) / 2
 
     def go(self, board: Device, targets: Any, joints: Any) -> None:
-        """Move in position mode and wait for the end."""
+        """Move joints in position mode and wait for the end."""
         moves = self.of(board, IPositionControl)
         moves.set_reference_speeds(np.full(np.size(targets), self.SPEED), joints)
         moves.position_move(targets, joints)
@@ -197,7 +197,7 @@ class ControlBoardContract:
         return places
 
     def at(self, board: Device, joints: Any = None) -> Any:
-        """Where joints are."""
+        """Return the positions of joints."""
         return self.of(board, IEncoders).encoders(joints)
 
     # Axes --------------------------------------------------------------------------------------------------------
@@ -284,7 +284,7 @@ class ControlBoardContract:
         self.enter(board, state)
 
     @pytest.mark.parametrize("request_", _NEVER_REQUESTED, ids=lambda mode: mode.word)
-    def test_modes_that_nobody_may_ask_for(self, board: Device, request_: ControlMode):
+    def test_modes_that_cannot_be_requested(self, board: Device, request_: ControlMode):
         """Requests for other modes are refused, and nothing changes."""
         before = self.mode(board)
         assert answer(before, request_)[0] is Answer.REFUSED
@@ -293,7 +293,7 @@ class ControlBoardContract:
         assert self.mode(board) is before
 
     def test_modes_of_several_joints(self, board: Device):
-        """One mode for all, one for each of some; those not named keep theirs."""
+        """One mode can be set for all joints, or one for each of some; the others keep theirs."""
         modes = self.of(board, IControlMode)
         axes = self.of(board, IAxisInfo).axes()
         modes.set_control_modes(ControlMode.VELOCITY)
@@ -604,7 +604,7 @@ class ControlBoardContract:
                 call()
 
     def test_values_that_make_no_sense_are_refused(self, board: Device):
-        """No gearbox of 0, no resolution of 0, no duty cycle beyond 100 per cent, no speed below 0; nothing changes."""
+        """A value out of its range, such as a gearbox of 0 or a duty cycle over 100 per cent, is refused, not set."""
         refusals = (
             (IMotor, "gearbox_ratio", "set_gearbox_ratio", (0, 0.0)),
             (IMotorEncoders, "counts_per_revolution", "set_counts_per_revolution", (0, 0.0)),

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 class ScriptedBoard:
     """Ports like those of a board with so many axes.
 
-    ``answer`` is called with each question that does not belong to the opening and gives the answer; ``protocol`` is
-    the answer about the version. A state is sent to anyone who connects, and whenever ``publish`` is called.
+    ``answer`` returns the answer to each request that does not belong to the opening; ``protocol`` is the answer about
+    the version. A state is sent to each reader that connects, and whenever ``publish`` is called.
     """
 
     def __init__(

@@ -75,7 +75,7 @@ def family_of(pid: int) -> list[int]:
 
 
 def test_conversation(net: Net, ask: Callable[..., Said]):
-    """What a user does with a node, what comes of it, and that the node says who asked."""
+    """The node starts, lists and ends programs on request, and logs who asked."""
     node = opened(net)
     assert "property yarprun = true" in "".join(net.names.command("get /node yarprun"))
     pid = start(ask, "s", "--cmd", "sleep", "60", "--env", "A=1")
@@ -112,7 +112,7 @@ def test_conversation(net: Net, ask: Callable[..., Said]):
     ],
 )
 def test_mistakes(ask: Callable[..., Said], words: tuple[str, ...], complaint: str):
-    """They are told before a node is asked."""
+    """A mistake of the user is reported before a node is asked."""
     said = ask(*words)
     assert (said.code in (1, 4), said.out) == (True, "")
     assert complaint in said.err

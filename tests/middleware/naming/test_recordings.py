@@ -43,7 +43,7 @@ def typed(version: str) -> Iterator[list[Segments]]:
 
 
 def moved(said: bytes, server: NameServer) -> bytes:
-    """Replace the recorded server's numbers by those that ours has and hands out."""
+    """Replace the recorded server's port numbers by those that our server assigns."""
     base = Numbers.beside(server.contact.port).cursor - 2
 
     def other(match: re.Match[bytes]) -> bytes:

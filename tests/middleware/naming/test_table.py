@@ -25,7 +25,7 @@ def port(table: Table, name: str, number: int = 0) -> int:
 
 
 class TestBounds:
-    """Limits, because anybody may register."""
+    """The table has limits, because any program may register."""
 
     def test_ports(self, monkeypatch: pytest.MonkeyPatch):
         """Beyond MAX_PORTS only known names can register again."""

@@ -77,7 +77,7 @@ def test_a_board_with_both_protocols_is_used_in_the_dialect_of_the_network(
 
 
 def test_an_absent_board_is_reported_with_both_names(network: Network):
-    """The message names both ports that were looked for."""
+    """The error names both ports that were looked for."""
     with pytest.raises(DeviceError, match=r"neither /bot/rpc:i \(YARP 3\) nor /bot/nws/rpc:i \(YARP 4\)"):
         connect("/bot", network=network)
 
@@ -99,7 +99,7 @@ def test_boards_of_both_versions_are_one_remapped_board(network: Network, serve:
 
 @pytest.mark.parametrize("dialect", Dialect)
 def test_a_test_that_declares_no_motion_commands_no_board(network: Network, serve: Serve, dialect: Dialect):
-    """Queries are answered and commands are not sent, until a guard watches."""
+    """The client reads values but sends no commands, until a guard watches."""
     serve("/bot", dialect)
     with connect_read_only("/bot", carrier="tcp", network=network) as board:
         before = board.reference_speeds().tolist()

@@ -45,7 +45,7 @@ STAMP = "[tsta] 1 2.0 [ok]"
 
 
 def test_measurements_come_with_the_state(network: Network):
-    """Each reading is the field of its name in the last message, and nothing is asked for it."""
+    """Each reading is the field of its name in the last state, and needs no request."""
     with ScriptedBoard("/board", network) as board:
         for field in Field:
             board.state.values(field)[:] = [10 * field + joint for joint in range(3)]
@@ -86,7 +86,7 @@ def test_what_is_not_valid_is_not_given(network: Network):
 
 
 def test_an_old_state_is_an_error(network: Network):
-    """The message names the port and the age; the next state can be read again."""
+    """The error of a stale state names the port and the age; after the next state readings work again."""
     with ScriptedBoard("/board", network) as board, client_of(board, network, timeout=0.05) as client:
         eventually(lambda: raises(StaleStateError, client.encoders), "the state does not get too old")
         with pytest.raises(StaleStateError, match=r"from /board/stateExt:o to /client/stateExt:i is 0?\d*\.\d+ s old"):
@@ -116,7 +116,7 @@ def test_a_state_of_another_board_is_not_taken(network: Network):
             client.encoders()
 
 
-def test_who_sends_no_states_is_cut_off(network: Network, said: list[str]):
+def test_an_invalid_state_closes_its_connection(network: Network, said: list[str]):
     """A message that is not a state closes the connection of its sender; the last state stays."""
     with ScriptedBoard("/board", network) as board, client_of(board, network, timeout=10.0) as client:
         before = client.encoders().tolist()
@@ -147,7 +147,7 @@ def test_by_a_simulators_clock_the_age_is_that_of_the_robots_time(network: Netwo
 
 
 def test_it_opens_three_ports_and_leaves_nothing(network: Network):
-    """Their names are YARP's; after closing, none of them is registered, and closing again changes nothing."""
+    """The client's ports have YARP's names; closing unregisters them, and closing again changes nothing."""
     with ScriptedBoard("/board", network) as board:
         before = names(network)
         with client_of(board, network) as client:
@@ -161,7 +161,7 @@ def test_it_opens_three_ports_and_leaves_nothing(network: Network):
 
 @pytest.mark.parametrize("carrier", CARRIERS)
 def test_it_is_opened_by_its_type(network: Network, carrier: str):
-    """The table of devices has the client; the carrier is used for the state and the commands, requests use tcp."""
+    """The table of device types has the client; ``carrier`` is used for state and commands, requests use tcp."""
     with ScriptedBoard("/board", network) as board:
         parameters = Property({"remote": board.name, "local": "/client", "carrier": carrier})
         client = make_device("remote_controlboard", parameters, network=network)
@@ -250,8 +250,8 @@ def test_another_board_of_the_same_name_is_not_taken_for_it(network: Network):
         ("(remote /board) (local_qos (packet_priority LEVEL:SOME))", "local_qos: packet_priority: 'SOME' is no"),
     ],
 )
-def test_wrong_parameters_are_told(network: Network, parameters: str, sentence: str):
-    """The message begins with the name of the parameter, and nothing is opened."""
+def test_wrong_parameters_are_named(network: Network, parameters: str, sentence: str):
+    """The error begins with the name of the parameter, and no port is opened."""
     with pytest.raises(ConfigurationError, match=f"^{sentence}"):
         RemoteControlBoard("board", network=network).open(Property.parse(parameters))
     assert names(network) == set()
@@ -293,7 +293,7 @@ def test_a_refusal_names_board_question_and_joint(network: Network):
     "answer", ["[ok]", "[is] [poss] (1.0 2.0) [tsta] 0 0.0 [ok]", "[is] [poss] (1.0 2.0 hello) [tsta] 0 0.0 [ok]", "1"]
 )
 def test_nonsense_is_named(network: Network, answer: str):
-    """The message has the request and the answer."""
+    """The error of an invalid answer has the request and the answer."""
     with (
         ScriptedBoard("/board", network, answer=lambda _: Bottle.parse(answer)) as board,
         client_of(board, network) as client,
@@ -323,7 +323,7 @@ def test_a_board_that_is_slow_is_given_up_and_asked_again(network: Network):
         assert client.encoders().shape == (3,)
 
 
-def test_an_action_that_takes_long_holds_nobody_up(network: Network):
+def test_a_long_action_delays_no_request(network: Network):
     """While a part is being calibrated its client still answers, and can abort the calibration."""
     ended = threading.Event()
 

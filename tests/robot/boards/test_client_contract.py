@@ -59,7 +59,7 @@ class Link:
 
 @pytest.fixture(scope="class")
 def link(request: pytest.FixtureRequest, shared_time: ManualClock, shared_network: Network) -> Iterator[Link]:
-    """One client for all tests of a class."""
+    """One client and board for all tests of a class."""
     with (
         fake_board(shared_network, CONFIGURATION) as (board, server),
         connect("/fake", carrier=request.cls.CARRIER, network=shared_network) as client,
@@ -68,13 +68,13 @@ def link(request: pytest.FixtureRequest, shared_time: ManualClock, shared_networ
 
 
 class Contract(ControlBoardContract):
-    """A board at the other end of the network does what boards do. Commands and states are waited for on their way."""
+    """A board at the other end of the network keeps the contract. Commands and states are awaited on their way."""
 
     CARRIER = "tcp"
 
     @pytest.fixture
     def board(self, link: Link) -> Device:
-        """The client of a board that is as it was when it was opened."""
+        """The client of a board that is in its initial state."""
         self.link = link
         link.board.begin_anew()
         link.time.sleep(1.0)  # the state of the test before is old
@@ -82,21 +82,21 @@ class Contract(ControlBoardContract):
         return link.client
 
     def advance(self, seconds: float) -> None:
-        """See the contract."""
+        """See ControlBoardContract."""
         self.link.advance(seconds)
 
 
 class TestByTcp(Contract):
-    """Every message is acknowledged."""
+    """The contract over tcp, which acknowledges every message."""
 
 
 class TestByFastTcp(Contract):
-    """Nothing is acknowledged."""
+    """The contract over fast_tcp, which acknowledges nothing."""
 
     CARRIER = "fast_tcp"
 
 
 class TestByUdp(Contract):
-    """Nothing is acknowledged, and all fits into datagrams."""
+    """The contract over udp, in which each message fits into a datagram."""
 
     CARRIER = "udp"

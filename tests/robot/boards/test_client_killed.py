@@ -73,14 +73,14 @@ class BoardProcesses:
         self._board = int(self._said(f"{names.contact.port}\n"))
 
     def kill(self) -> None:
-        """Kill it without a chance to disconnect, and wait until it is gone."""
+        """Kill the board without a chance to disconnect, and wait until it is gone."""
         board, self._board = self._board, 0
         if board:
             os.kill(board, signal.SIGKILL)
             assert self._said() == "gone\n"
 
     def close(self) -> None:
-        """End the last one."""
+        """End the last board."""
         self._forks.communicate()
 
     def _said(self, asked: str = "") -> str:
@@ -110,7 +110,7 @@ class Killed(NamedTuple):
         self.processes.kill()
 
     def start(self) -> None:
-        """Start it again."""
+        """Start the board again."""
         self.processes.start(self.names)
 
 
@@ -143,7 +143,7 @@ def test_a_board_that_was_killed_is_found_again(board: Killed, carrier: str):
 
 
 @pytest.mark.parametrize("carrier", CARRIERS)
-def test_who_only_reads_gets_the_state_again(board: Killed, carrier: str):
+def test_a_client_that_only_reads_gets_the_state_again(board: Killed, carrier: str):
     """A client that only reads reconnects after a stale state."""
     with connect("/fake", carrier=carrier, network=board.network, timeout=0.2) as client:
         board.kill()
@@ -152,7 +152,7 @@ def test_who_only_reads_gets_the_state_again(board: Killed, carrier: str):
         eventually(lambda: not raises(StaleStateError, client.encoders), "no state comes")
 
 
-def test_who_only_streams_is_connected_again(board: Killed):
+def test_a_client_that_only_streams_is_connected_again(board: Killed):
     """A command without a connection reconnects, or raises an error."""
     with connect("/fake", carrier="tcp", network=board.network) as client:
         board.kill()

@@ -57,18 +57,18 @@ class Raw(TextCodec[bytes]):
     """The bytes of a message as they are."""
 
     def encode(self, value: bytes, dialect: Dialect) -> Sequence[Buffer]:
-        """One block."""
+        """Return the bytes as one block."""
         del dialect
         return (value,)
 
     def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[bytes, int]:
-        """All of it."""
+        """Return all bytes."""
         del dialect
         return bytes(data), len(data)
 
 
 class StatePort(BufferedPort[bytes]):
-    """Sends the last of the recorded states to anyone who connects."""
+    """Sends the last of the recorded states to every reader that connects."""
 
     def connected(self, output: Output) -> None:
         """See BufferedPort."""
@@ -79,7 +79,7 @@ class StatePort(BufferedPort[bytes]):
 
 @contextmanager
 def recorded_board(network: Network, talk: list[Segment]) -> Iterator[tuple[list[Segment], BufferedPort[bytes]]]:
-    """A board that gives the recorded answers: its received and expected requests, and its port for commands."""
+    """A board with the recorded answers: its received and expected requests, and its port for commands."""
     with ExitStack() as opened:
         listening = opened.enter_context(socket.create_server(("127.0.0.1", 0)))
         network.dialect = Dialect.YARP3  # the recorded boards are not asked for it
@@ -100,7 +100,7 @@ def open_client(network: Network, test: str, **parameters: object) -> RemoteCont
 
 @pytest.mark.parametrize("test", [*RECORDED["questions"]])
 def test_calls_are_put_as_the_real_client_puts_them(network: Network, test: str):
-    """Handshake, the requests of the opening, every call and the disconnection are the same bytes."""
+    """The client's bytes in handshake, opening, every call and disconnection are the recorded ones."""
     talk = segments(RECORDED["questions"][test])
     questions = [decode_from(data, data.index(ASKED) + 4, Dialect.YARP3)[0] for _, data in talk if ASKED in data]
     assert [str(question) for question in questions[:2]] == ["[get] [prot]", "[get] [axes]"]
@@ -116,7 +116,7 @@ def test_calls_are_put_as_the_real_client_puts_them(network: Network, test: str)
 
 
 def put(call: Callable[[RemoteControlBoard, Bottle], object], board: RemoteControlBoard, arguments: Bottle) -> None:
-    """Call; a variable that the recorded board did not know is refused again."""
+    """Make a call; an unknown variable must be refused as in the recording."""
     if isinstance(arguments[0], str):
         with pytest.raises(RefusedError, match=arguments[0]):
             call(board, arguments)
@@ -125,7 +125,7 @@ def put(call: Callable[[RemoteControlBoard, Bottle], object], board: RemoteContr
 
 
 def test_streamed_commands_are_the_recorded_ones(network: Network):
-    """The payload of each datagram is what the real client sent for the same references of three joints."""
+    """Each datagram has the payload that the real client sent for the same references of three joints."""
     expected = [bytes.fromhex(data) for data in RECORDED["commands"]]
     talk = segments(RECORDED["questions"]["positionDirectTest"])
     with (
@@ -153,7 +153,7 @@ def test_recorded_states_are_read(network: Network):
 
 
 def test_the_state_is_asked_for_as_the_real_client_asks(network: Network):
-    """The client asks the board's port for an existing connection, then asks it to connect."""
+    """The client asks the board's port for an existing connection, then requests one."""
     talks = [segments(talk) for talk in RECORDED["connecting"]]
     sent: list[tuple[bytes, bytes]] = []
     with socket.create_server(("127.0.0.1", 0)) as listening:

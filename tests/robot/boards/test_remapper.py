@@ -57,7 +57,7 @@ def board(name: str, axes: tuple[str, ...]) -> FakeBoard:
 
 
 def boards() -> dict[str, Device]:
-    """An arm and a torso."""
+    """A board of an arm and one of a torso."""
     return {"arm": board("arm", ARM), "torso": board("torso", TORSO)}
 
 
@@ -72,7 +72,7 @@ def remapped(
 
 
 class TestRemappedBoard(ControlBoardContract):
-    """Axes of two boards in another order are a board."""
+    """A remapper of axes of two boards, in another order, keeps the contract."""
 
     @pytest.fixture
     def board(self, stepped: ManualClock) -> ControlBoardRemapper:
@@ -81,7 +81,7 @@ class TestRemappedBoard(ControlBoardContract):
         return remapped(boards())
 
     def advance(self, seconds: float) -> None:
-        """See the contract."""
+        """See ControlBoardContract."""
         self.time.sleep(seconds)
 
 
@@ -111,11 +111,11 @@ def link(request: pytest.FixtureRequest, shared_time: ManualClock, shared_networ
 
 
 class TestRemoteRemappedBoard(ControlBoardContract):
-    """They are a board through the network, too, by both protocols."""
+    """A remapper of remote boards keeps the contract, by both protocols."""
 
     @pytest.fixture
     def board(self, link: Link) -> Device:
-        """The remapper of boards in their initial state; their states are not fresh yet."""
+        """The remapper of boards in their initial state, of which no fresh state has arrived yet."""
         self.link = link
         for name, axes in (("arm", ARM), ("torso", TORSO)):
             link.devices[name].open(described(name, axes))
@@ -123,7 +123,7 @@ class TestRemoteRemappedBoard(ControlBoardContract):
         return link.remapper
 
     def advance(self, seconds: float) -> None:
-        """See the contract."""
+        """See ControlBoardContract."""
         self.link.time.sleep(seconds)
         for server in self.link.servers:
             server.publish(self.link.time.now())
@@ -214,7 +214,7 @@ def counting() -> dict[str, Counting]:
 
 
 def test_each_board_is_called_once():
-    """There is one call for any number of axes, because each is a round trip through the network."""
+    """A call for any number of axes is one call of each board, because each is a round trip through the network."""
     devices = counting()
     remapper = remapped({**devices})
     assert remapper.encoders().tolist() == [201.0, 301.0, 200.0, 300.0]
@@ -236,7 +236,7 @@ def test_each_board_is_called_once():
 
 
 def test_motion_is_done_when_all_boards_are_done():
-    """It is not done while one of them still moves."""
+    """The motion of a remapper is not done while one of its boards moves."""
     devices = counting()
     remapper = remapped({**devices})
     assert remapper.motion_done()
@@ -245,7 +245,7 @@ def test_motion_is_done_when_all_boards_are_done():
 
 
 def test_axes_that_do_not_belong_keep_still():
-    """Calibrating, homing and parking the part leave those axes of its boards alone that are not in it."""
+    """Calibrating, homing and parking the part leave its boards' other axes alone."""
     devices = counting()
     remapper = remapped({**devices})
     remapper.park_part()
@@ -272,7 +272,7 @@ def test_variables_are_those_of_the_boards():
 @settings(deadline=None)
 @given(st.permutations([*ARM, *TORSO]), st.data())
 def test_any_choice_in_any_order(order: list[str], data: st.DataObject):
-    """What is written to any axes of any order is read back from them, and from the boards."""
+    """Values that are set for any axes in any order can be read from the remapper, and from the boards."""
     size = data.draw(st.integers(1, len(order)))
     names = order[:size]
     devices = boards()
@@ -306,7 +306,7 @@ def test_any_choice_in_any_order(order: list[str], data: st.DataObject):
     ],
 )
 def test_configurations_that_cannot_be(configuration: str):
-    """Ranges that overlap, leave something out, or are of two lengths; names that are there twice, or none."""
+    """Ranges that overlap, have gaps or differ in length, and duplicate or unknown names are refused."""
     with pytest.raises(ConfigurationError):
         ControlBoardRemapper("mixed").open(Property.parse(configuration))
 
@@ -331,7 +331,7 @@ def test_any_configuration(groups: dict[str, Any]):
 
 
 def test_an_axis_that_is_missing_is_named():
-    """The message has the boards, and their axes."""
+    """The error names the boards, and their axes."""
     with pytest.raises(DeviceError, match=r"'knee'.*arm \(shoulder, elbow, wrist\); torso \(yaw, pitch\)"):
         remapped(boards(), "(axesNames (yaw knee))")
     with pytest.raises(DeviceError, match=r"several boards have an axis 'yaw'"):
@@ -365,7 +365,7 @@ class Lesser(Device, IAxisInfo):
 
 
 def test_a_board_that_lacks_an_interface_is_named():
-    """The error comes when a method of the interface is called."""
+    """A missing interface of a board is an error when one of its methods is called."""
     remapper = remapped({"arm": board("arm", ARM), "torso": Lesser("torso")})
     with pytest.raises(NotSupportedError, match=r"torso.*has no IRemoteCalibrator\.calibrate_joint"):
         remapper.view(IRemoteCalibrator).calibrate_joint(0)
@@ -382,7 +382,7 @@ def test_a_board_that_answers_too_little():
 
 
 def test_it_must_be_open_and_attached():
-    """Before opening, before attaching and after closing its methods raise DeviceError."""
+    """Before opening, before attaching and after closing, the remapper's methods raise DeviceError."""
     remapper = ControlBoardRemapper("mixed")
     with pytest.raises(DeviceError, match="not open"):
         remapper.attach(boards())
@@ -400,7 +400,7 @@ def test_it_must_be_open_and_attached():
 
 
 def test_a_remote_board_that_is_missing_leaves_nothing(network: Network):
-    """The clients that were opened before are closed again."""
+    """When a board is missing, the clients that were opened before are closed again."""
     with closing(ControlBoardServer(board("arm", ARM), "/r/arm", network=network)):
         remapper = RemoteControlBoardRemapper("remote", network=network)
         with pytest.raises(DeviceError, match="/r/torso"):
@@ -412,8 +412,8 @@ def test_a_remote_board_that_is_missing_leaves_nothing(network: Network):
 
 
 @pytest.mark.parametrize("missing", ["axesNames", "remoteControlBoards", "localPortPrefix"])
-def test_parameters_of_the_remote_one(missing: str):
-    """A missing parameter is named."""
+def test_parameters_of_the_remote_remapper(missing: str):
+    """The error names a missing parameter."""
     configuration = Property.parse(REMOTE)
     configuration.remove(missing)
     with pytest.raises(ConfigurationError, match=missing):

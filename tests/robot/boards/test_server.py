@@ -46,7 +46,7 @@ def server(board: CalibratedBoard, network: Network) -> Iterator[ControlBoardSer
 
 @pytest.mark.parametrize("carrier", ["tcp", "local"])
 def test_state_is_published_with_stamps(network: Network, board, stepped: ManualClock, carrier: str):
-    """Positions alone and the whole state, with one count and the time of the encoders; each message is its own."""
+    """Positions and whole state have one count and the encoders' time, and are not changed by later messages."""
     with (
         serving(board, network) as server,
         reading(network, "/state:o", VECTOR, carrier) as positions,
@@ -103,7 +103,7 @@ def test_nothing_is_published_of_different_moments(network: Network, board, step
 
 
 class Apart(Axes, IEncoders):
-    """Two joints that are measured when the test says."""
+    """A board of two joints with times of measurement that the test sets."""
 
     times = np.zeros(2)
 
@@ -124,8 +124,8 @@ class Apart(Axes, IEncoders):
         """See IEncoders."""
 
 
-def test_a_device_without_encoders_is_stamped_by_whoever_publishes(network: Network, stepped: ManualClock):
-    """Its positions are not published, and its state says that nothing in it is valid."""
+def test_a_device_without_encoders_is_stamped_by_the_publisher(network: Network, stepped: ManualClock):
+    """Without encoders no positions are published, and the state marks every field as invalid."""
     with (
         serving(Axes(), network) as server,
         reading(network, "/state:o", VECTOR) as positions,
@@ -143,7 +143,7 @@ def test_a_device_without_encoders_is_stamped_by_whoever_publishes(network: Netw
 
 
 def test_ports_have_their_names(network: Network, server: ControlBoardServer):
-    """There are four ports, and none is left after closing."""
+    """The server has four ports with YARP's names, and closing unregisters them."""
     names = {contact.name for contact in network.names.list("/robot/arm")}
     assert names == {f"/robot/arm/{port}" for port in ("rpc:i", "command:i", "state:o", "stateExt:o")}
     server.close()
@@ -152,7 +152,7 @@ def test_ports_have_their_names(network: Network, server: ControlBoardServer):
 
 
 def test_a_name_that_cannot_be_leaves_nothing(network: Network, board: CalibratedBoard):
-    """When a port cannot be opened, those that were are closed."""
+    """When a port cannot be opened, those that were opened are closed."""
     with pytest.raises(MiddlewareError):
         ControlBoardServer(board, "robot/arm", network=network)
     assert not network.names.list("/robot")
@@ -216,7 +216,7 @@ def test_wrapper_makes_one_board_of_several(network: Network):
 @pytest.mark.parametrize("kind", ["controlBoard_nws_yarp", "controlboardwrapper2"])
 @pytest.mark.parametrize("text", ["", "(name arm)", "(name /arm) (period 0)", "(name /arm) (period fast)"])
 def test_configurations_that_cannot_be(network: Network, kind: str, text: str):
-    """The message names the parameter."""
+    """The error names the parameter."""
     with pytest.raises(ConfigurationError, match=r"name|period"):
         find_device(kind)("wrapper", network=network).open(Property.parse(text))
 

@@ -1,4 +1,4 @@
-"""What real clients said to a real board, said to ours: it answers the same bytes."""
+"""Recorded conversations of real clients with a real board, replayed with our board: it answers the same bytes."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ _ASKED = b"~d\0\1"
 
 
 def as_recorded(configuration: str) -> FakeBoard:
-    """Our fake board with the zeros that the recorded one began with, where ours begins with sensible values."""
+    """Return our fake board with the zeros that the recorded one began with."""
     board = FakeBoard("fake")
     board.open(Property.parse(configuration))
     zeros = np.zeros(board.axes())
@@ -59,7 +59,7 @@ def as_recorded(configuration: str) -> FakeBoard:
 
 
 def replayed(server: ControlBoardServer, network: Network, talk: list[list[str]]) -> Iterator[tuple[str, bytes, bytes]]:
-    """Say what the client said: each question, what was answered then, and what is answered now."""
+    """Replay the client: yield each request, the recorded answer, and the present answer."""
     contact = network.names.query(f"{server.name}/rpc:i")
     assert contact is not None
     with socket.create_connection((contact.host, contact.port), timeout=5) as connection:
@@ -74,17 +74,17 @@ def replayed(server: ControlBoardServer, network: Network, talk: list[list[str]]
 
 
 def without_time(data: bytes) -> bytes:
-    """The bytes with the time of a stamp blanked; its count stays."""
+    """Return the bytes with the time of a stamp blanked; its count stays."""
     return _STAMP.sub(rb"\1\2\3--------", data)
 
 
 def without_stamp(data: bytes) -> bytes:
-    """The same without the count, for conversations of which parts were left out when they were stored."""
+    """Return the bytes without time and count, for conversations of which parts are not stored."""
     return _STAMP.sub(rb"\1----\3--------", data)
 
 
 def test_a_person_asks_a_board(network: Network):
-    """Thirty-eight questions typed at a terminal, each by a client of its own: answers, stamps and acknowledgements."""
+    """Thirty-eight typed requests, each of its own client, have the recorded answers, stamps and acknowledgements."""
     others = dict(ELSE)
     with closing(ControlBoardServer(as_recorded(ARM), "/icubSim/left_arm", network=network)) as server:
         for talk in QUESTIONS:
@@ -99,7 +99,7 @@ def test_a_person_asks_a_board(network: Network):
 
 
 def test_robot_tests_ask_a_board(network: Network):
-    """The opening of a client, modes, gains, limits and moves as three tests of a robot put them in turn."""
+    """The requests of three robot tests, from opening to moves, have the recorded answers."""
     asked = 0
     with closing(ControlBoardServer(as_recorded(HEAD), "/icubSim/head", network=network)) as server:
         for talk in CLIENTS["questions"].values():
@@ -110,7 +110,7 @@ def test_robot_tests_ask_a_board(network: Network):
 
 
 def test_robot_tests_stream_to_a_board(network: Network):
-    """The references that a test streamed arrive at the three joints it named, and nowhere else."""
+    """The streamed references arrive at the three joints that they name, and at no others."""
     board = as_recorded(HEAD)
     board.set_control_modes(ControlMode.POSITION_DIRECT, [0, 1, 2])
     with (
@@ -128,7 +128,7 @@ def test_robot_tests_stream_to_a_board(network: Network):
 
 @pytest.mark.parametrize("number", [0, -1])
 def test_state_is_published_as_recorded(number: int):
-    """The message of a board at rest, byte for byte, but for what the recorded one made up."""
+    """The state of a board at rest has the recorded bytes, except for values that the recorded board invented."""
     _, payload = CLIENTS["state"][number]
     recorded, _ = EXTENDED_STATE.decode_from(bytes.fromhex(payload), Dialect.YARP3)
     state = ExtendedState(6)

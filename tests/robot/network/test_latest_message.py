@@ -61,7 +61,7 @@ def send(source: Port, *values: float, envelope: str = "") -> None:
     source.write(np.array(values), VECTOR, envelope=envelope)
 
 
-def test_what_nobody_asks_for_is_not_read(newest: LatestMessage[Any], source: Port, codec: Counting):
+def test_messages_that_are_not_requested_are_not_decoded(newest: LatestMessage[Any], source: Port, codec: Counting):
     """Only the first message, which gives the usual length, and requested ones are decoded, each once."""
     for number in range(20):
         send(source, number, 2.0)
@@ -83,7 +83,7 @@ def test_each_message_has_its_own_values(newest: LatestMessage[Any], source: Por
 
 
 def test_it_is_as_old_as_its_arrival(newest: LatestMessage[Any], source: Port):
-    """The age counts from the arrival, not from the reading."""
+    """The age of a message counts from its arrival, not from its reading."""
     send(source, 1.0)
     send(source, 2.0)
     delivered = clock.now()

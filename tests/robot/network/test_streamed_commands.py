@@ -123,7 +123,7 @@ def test_commands_keep_their_order(network: Network, server: ControlBoardServer,
     ],
     ids=str,
 )
-def test_nonsense_is_left_out_and_told_of(network: Network, server, board, said, head, values, why):
+def test_an_invalid_command_is_skipped_and_reported(network: Network, server, board, said, head, values, why):
     """An invalid command changes nothing and is reported once; the connection stays open."""
     board.set_control_modes(ControlMode.VELOCITY)
     with commanding(network) as port:
@@ -137,7 +137,7 @@ def test_nonsense_is_left_out_and_told_of(network: Network, server, board, said,
         assert board.target_velocities(0).tolist() == [3.0]
 
 
-def test_a_command_that_breaks_the_device_is_told_of(network: Network, server, board, said):
+def test_an_error_of_the_device_is_reported(network: Network, server, board, said):
     """An unexpected error of the device is reported, and the next command is executed."""
 
     def fail(values, axes):

@@ -49,20 +49,20 @@ def device() -> ScriptedSensors:
 
 @pytest.fixture
 def server(network: Network, device: ScriptedSensors) -> Iterator[AnalogSensorsServer]:
-    """Its server."""
+    """The server of the device."""
     with closing(AnalogSensorsServer(device, "/imu", network=network, period=0.01, strict=True)) as made:
         yield made
 
 
 @pytest.fixture
 def time() -> Iterator[ManualClock]:
-    """The robot's clock is set by hand."""
+    """The robot's clock, which the test sets."""
     with clock.use(ManualClock()) as made:
         yield made
 
 
 def make_client(network: Network, **more: object) -> AnalogSensorsClient:
-    """A client, opened."""
+    """Return an open client."""
     made = AnalogSensorsClient("client", network=network)
     made.open(Property({"remote": "/imu", "local": "/me", **more}))
     return made
@@ -70,13 +70,13 @@ def make_client(network: Network, **more: object) -> AnalogSensorsClient:
 
 @pytest.fixture
 def client(network: Network, time: ManualClock, server: AnalogSensorsServer) -> Iterator[AnalogSensorsClient]:
-    """Its client."""
+    """The client of the server."""
     with closing(make_client(network)) as made:
         yield made
 
 
 def publish(server: AnalogSensorsServer, now: float) -> None:
-    """Publish, and wait until the client has the message."""
+    """Publish a message, and wait until the client has it."""
     server.publish(now)
     assert server.wait(10)
 
@@ -157,12 +157,12 @@ def test_by_the_machines_clock_the_arrival_counts(network: Network, server: Anal
 
 
 def test_what_the_sensors_are_called(client: AnalogSensorsClient):
-    """The client has the names before the first message."""
+    """The client has the sensors' names before the first message."""
     assert [*client.sensors(TEMPERATURE)] == [SensorInfo("s0", "frame", "")]
     assert not any(client.sensors(category) for category in SensorCategory if category != TEMPERATURE)
 
 
-def test_somebody_else_connects(network: Network, server: AnalogSensorsServer, time: ManualClock):
+def test_an_external_connection(network: Network, server: AnalogSensorsServer, time: ManualClock):
     """With an external connection no request is sent, and the sensors are those of the message."""
     with closing(make_client(network, externalConnection=True)) as client:
         assert not client.sensors(TEMPERATURE)
@@ -186,7 +186,7 @@ def test_a_message_without_a_sensor(network: Network, client: AnalogSensorsClien
 
 
 def test_a_server_that_ends(client: AnalogSensorsClient, server: AnalogSensorsServer, time: ManualClock):
-    """The measurements of the client become stale."""
+    """The measurements of a client become stale when its server ends."""
     publish(server, time.now())
     server.close()
     time.sleep(1.0)
@@ -194,7 +194,7 @@ def test_a_server_that_ends(client: AnalogSensorsClient, server: AnalogSensorsSe
 
 
 def test_a_client_that_ends(network: Network, server: AnalogSensorsServer):
-    """The server has no reader any more."""
+    """A server has no reader any more when its client ends."""
     make_client(network).close()
     assert not server.heard
 
@@ -228,7 +228,7 @@ def test_a_closed_client(network: Network, server: AnalogSensorsServer):
     ],
 )
 def test_wrong_parameters_of_a_client(network: Network, parameters: dict[str, object]):
-    """The message begins with the parameter."""
+    """The error begins with the parameter."""
     given_ = {key: value for key, value in ({"remote": "/imu"} | parameters).items() if value is not None}
     with pytest.raises(ConfigurationError, match=next(iter(parameters))):
         AnalogSensorsClient("client", network=network).open(Property(given_))

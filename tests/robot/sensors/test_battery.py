@@ -57,7 +57,7 @@ def battery(stepped: ManualClock) -> FakeBattery:
 
 @pytest.fixture
 def server(spoken: Network, battery: FakeBattery) -> Iterator[BatteryServer]:
-    """Its server."""
+    """The server of the battery."""
     with closing(BatteryServer(battery, NAME, network=spoken, period=0.1)) as served:
         yield served
 
@@ -74,7 +74,7 @@ def client(spoken: Network, server: BatteryServer) -> Iterator[BatteryClient]:
 
 @pytest.mark.parametrize("version", VERSIONS)
 def test_messages_and_answers_have_the_bytes_of_a_real_battery(version: str, network: Network, stepped: ManualClock):
-    """The reading and the answer of YARP's fake battery, with the same parameters."""
+    """Reading and answer have the bytes of YARP's fake battery with the same parameters."""
     recorded, dialect = recordings(version, "battery.json"), VERSIONS[version]
     data = bytes.fromhex(recorded["data"])
     reading = BATTERY_READING.decode(data, dialect)
@@ -104,7 +104,7 @@ def test_a_reading_reaches_the_client(server: BatteryServer, client: BatteryClie
 
 
 def test_an_old_reading_is_not_shown(server: BatteryServer, client: BatteryClient, stepped: ManualClock):
-    """The status is a time-out, and reading raises an error with the age."""
+    """An old reading has the status of a time-out, and reading it raises an error with the age."""
     server.publish(stepped.now())
     eventually(lambda: client.battery_status() is BatteryStatus.IN_USE, "no reading arrived")
     stepped.sleep(2.0)
@@ -164,7 +164,7 @@ def test_the_status_follows_from_charge_and_current(charge: float, current: floa
 
 
 def test_the_fake_battery_runs_down(battery: FakeBattery, stepped: ManualClock):
-    """Its charge falls by 3 per cent a minute, until it is empty."""
+    """The fake battery's charge falls by 3 per cent a minute, until it is empty."""
     stepped.sleep(60.0)
     assert battery.charge() == pytest.approx(77.0)
     stepped.sleep(3600.0)
@@ -184,14 +184,14 @@ def test_wrong_parameters_of_a_fake(parameters: dict[str, object]):
     [{"name": None}, {"period": 0}, {"enable_shutdown": "true"}, {"enable_log": 1}, {"quitPortName": "/bot/quit"}],
 )
 def test_wrong_parameters_of_a_server(parameters: dict[str, object]):
-    """What this server does not do is refused, not ignored."""
+    """A parameter that this server does not support is refused, not ignored."""
     given = {key: value for key, value in ({"name": NAME} | parameters).items() if value is not None}
     with pytest.raises(ConfigurationError, match=next(iter(parameters))):
         make_device("battery_nws_yarp", Property(given))
 
 
 def test_a_server_serves_batteries_only(network: Network):
-    """The error names what the device lacks."""
+    """The error names the interface that the device lacks."""
     imu = FakeImu("imu")
     imu.open(Property())
     device = make_device("battery_nws_yarp", Property({"name": NAME}), network=network)
@@ -202,7 +202,7 @@ def test_a_server_serves_batteries_only(network: Network):
 
 
 def test_a_client_needs_its_server(network: Network):
-    """Without a server it is not opened, and holds no ports."""
+    """A client without a server is not opened, and holds no ports."""
     client = BatteryClient("client", network=network)
     with pytest.raises(DeviceError, match="running"):
         client.open(Property({"remote": NAME}))
@@ -211,7 +211,7 @@ def test_a_client_needs_its_server(network: Network):
             use()
 
 
-def test_refusals_are_told(server: BatteryServer, client: BatteryClient, battery: FakeBattery):
+def test_refusals_have_their_code(server: BatteryServer, client: BatteryClient, battery: FakeBattery):
     """A refusal has the code of the answer, in both dialects."""
 
     def refuses() -> str:

@@ -52,14 +52,14 @@ def make_camera(**more: object) -> FakeFrameGrabber:
 
 
 def make_client(network: Network, **more: object) -> FrameGrabberClient:
-    """A client, opened."""
+    """Return an open client."""
     made = FrameGrabberClient("client", network=network)
     made.open(Property({"remote": "/cam", "local": "/me", **more}))
     return made
 
 
 class TestFake(FrameGrabberContract):
-    """The device itself."""
+    """The fake camera keeps the contract."""
 
     @pytest.fixture
     def camera(self) -> FakeFrameGrabber:
@@ -85,7 +85,7 @@ class TestFake(FrameGrabberContract):
     ids=str,
 )
 class TestThroughTheNetwork(FrameGrabberContract):
-    """Server and client of either version, with images streamed by each carrier, or requested."""
+    """Server and client of either version keep the contract, with images streamed by each carrier, or requested."""
 
     @pytest.fixture
     def camera(self, network: Network, dialect: Dialect, parameters: dict[str, object]) -> Iterator[FrameGrabberClient]:
@@ -362,7 +362,7 @@ def test_no_server(network: Network):
 
 
 def test_a_closed_client(network: Network):
-    """Its methods raise DeviceError."""
+    """Every method of a closed client raises DeviceError."""
     client = FrameGrabberClient("client", network=network)
     for asked in (client.width, client.image, client.field_of_view):
         with pytest.raises(DeviceError, match="not open"):
@@ -371,7 +371,7 @@ def test_a_closed_client(network: Network):
 
 @pytest.mark.parametrize("parameters", [{"capabilities": "INFRARED"}, {"name": "cam"}, {"period": "often"}])
 def test_wrong_parameters(network: Network, parameters: dict[str, object]):
-    """The message begins with the parameter."""
+    """The error begins with the parameter."""
     with pytest.raises(ConfigurationError, match=next(iter(parameters))):
         FrameGrabberDevice("server", network=network).open(Property(parameters))
 

@@ -43,7 +43,7 @@ def opened(network: Network) -> Iterator[Open]:
 
 
 class TestFakeImu(MultipleAnalogSensorsContract):
-    """The device itself."""
+    """The fake IMU keeps the contract."""
 
     @pytest.fixture
     def sensors(self, opened: Open) -> Device:
@@ -52,7 +52,7 @@ class TestFakeImu(MultipleAnalogSensorsContract):
 
 
 class TestRemapper(MultipleAnalogSensorsContract):
-    """Two sensors of another device."""
+    """A remapper of two sensors of another device keeps the contract."""
 
     @pytest.fixture
     def sensors(self, opened: Open) -> Device:
@@ -63,7 +63,7 @@ class TestRemapper(MultipleAnalogSensorsContract):
 
 @pytest.mark.parametrize("carrier", ["tcp", "fast_tcp", "udp"])
 class TestThroughTheNetwork(MultipleAnalogSensorsContract):
-    """The server and the client of all categories."""
+    """The server and the client of all categories keep the contract."""
 
     @pytest.fixture
     def sensors(self, opened: Open, carrier: str) -> IMultipleAnalogSensors:
@@ -75,7 +75,7 @@ class TestThroughTheNetwork(MultipleAnalogSensorsContract):
 
 
 class TestInertial(MultipleAnalogSensorsContract):
-    """The oldest server and its client."""
+    """The oldest server and its client keep the contract."""
 
     @pytest.fixture
     def sensors(self, opened: Open) -> IMultipleAnalogSensors:

@@ -47,7 +47,7 @@ def readings(*values: float) -> list[SensorReading]:
 
 
 def test_a_device_by_its_interface():
-    """The readings of all sensors in the requested number of categories."""
+    """A device is read by its interface: all sensors in the requested number of categories."""
     measured = [readings(1.0), readings(2.0, 3.0), [], readings(4.0)]
     for categories in (12, 10):
         found = DeviceMeasurements(ScriptedSensors(measured), categories).read_all()

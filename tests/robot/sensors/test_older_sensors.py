@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture
 def time() -> Iterator[ManualClock]:
-    """The robot's clock is set by hand."""
+    """The robot's clock, which the test sets."""
     with clock.use(ManualClock()) as made:
         yield made
 
@@ -48,13 +48,13 @@ def sensor() -> FakeAnalogSensor:
 
 @pytest.fixture
 def server(network: Network, time: ManualClock, sensor: FakeAnalogSensor) -> Iterator[AnalogServer]:
-    """Their server."""
+    """The server of the sensor."""
     with closing(AnalogServer(sensor, "/ft", network=network, period=0.02, strict=True)) as made:
         yield made
 
 
 def make_client(network: Network, **more: object) -> AnalogClient:
-    """A client, opened."""
+    """Return an open client."""
     made = AnalogClient("client", network=network)
     made.open(Property({"remote": "/ft", "local": "/me", **more}))
     return made
@@ -80,7 +80,7 @@ def test_channels_through_the_network(network: Network, server: AnalogServer, ti
 def test_calibration_through_the_network(
     network: Network, server: AnalogServer, sensor: FakeAnalogSensor, time: ManualClock
 ):
-    """What is measured becomes zero, or the value that is given, of all channels or of one."""
+    """A calibration sets the measurement of one channel, or of all, to zero or to a given value."""
     with closing(make_client(network, carrier="tcp")) as client:
         server.publish(time.now())
         eventually(client.channels, "nothing comes")
@@ -120,7 +120,7 @@ def test_questions_and_answers(network: Network, server: AnalogServer, question:
 
 
 def test_channels_divided_among_ports(network: Network, sensor: FakeAnalogSensor, time: ManualClock):
-    """Each port has its channels at its places, and all have the same stamp."""
+    """Each port has its channels in their places, and all ports have the same stamp."""
     device = AnalogDevice("server", network=network)
     configuration = {"name": "/ft", "ports": ["left", "/far"], "left": [0, 3, 0, 3], "/far": [1, 2, 4, 5]}
     device.open(Property(configuration | {"period": 1000}))
@@ -142,7 +142,7 @@ def test_channels_divided_among_ports(network: Network, sensor: FakeAnalogSensor
 
 
 def test_each_share_is_a_sensor_of_its_own_for_clients(network: Network, sensor: FakeAnalogSensor):
-    """Its port has its requests, which are for the whole device, and they are closed with it."""
+    """Each port has a port for requests, which are for the whole device; both are closed with the server."""
     device = AnalogDevice("server", network=network)
     device.open(Property({"name": "/skin", "ports": ["left"], "left": [0, 1, 2, 3], "period": 1000}))
     with closing(device):
@@ -177,7 +177,7 @@ def test_more_channels_than_there_are(network: Network, sensor: FakeAnalogSensor
 
 
 def test_a_sensor_that_fails(network: Network, said: list[str], server: AnalogServer, sensor: FakeAnalogSensor):
-    """An error is reported once."""
+    """An error of the sensor is reported once."""
     sensor.read = lambda: 1 / 0  # type: ignore[method-assign]
     with Port("/reader", lambda delivery: None, network=network):
         connect(network, "/ft", "/reader")
@@ -243,7 +243,7 @@ def test_the_order_of_twelve_numbers(network: Network):
 
 
 def test_an_inertial_sensor_that_is_not_well(network: Network, said: list[str]):
-    """Nothing is published, which is reported once."""
+    """A bad status is reported once, and nothing is published."""
     imu = FakeImu("imu")
     imu.open(Property())
     imu.state = SensorStatus.ERROR
@@ -276,7 +276,7 @@ def test_another_number_of_numbers(network: Network, time: ManualClock):
 
 
 def test_what_the_fake_imu_shows(time: ManualClock):
-    """A counter on three sensors, and gravity on a body pitched by so many degrees."""
+    """The fake IMU has a counter on three sensors, and gravity on a body that is pitched by so many degrees."""
     imu = FakeImu("imu")
     imu.open(Property({"period": 1000}))
     time.time = 360.0 + 90.0

@@ -46,7 +46,7 @@ _GREETING = 8  # bytes of the number that a port answers first
 
 @pytest.fixture(params=[*VERSIONS])
 def version(request: pytest.FixtureRequest, network: Network) -> str:
-    """A release of YARP; the network speaks as it does."""
+    """A release of YARP, in whose dialect the network is."""
     network.dialect = VERSIONS[request.param]
     return request.param
 
@@ -63,7 +63,7 @@ def put(contact: Contact, talk: list[Segment]) -> None:
 
 
 def listen(network: Network, name: str) -> socket.socket:
-    """Where the recorded port of this name is called."""
+    """Return a socket that listens where the recorded port of this name is called."""
     listening = socket.create_server(("127.0.0.1", 0))
     listening.settimeout(10)
     host, number = listening.getsockname()
@@ -72,7 +72,7 @@ def listen(network: Network, name: str) -> socket.socket:
 
 
 def messages(talk: list[Segment]) -> list[tuple[str, bytes]]:
-    """The envelope and the body of each message of a stream; how it was cut into blocks is the sender's business."""
+    """Yield the envelope and the body of each message of a stream, however the sender has split it into blocks."""
     found = []
     for _, data in (one for one in talk[2:] if one[0] == ">"):
         start = data.index(b"~\0\0\1D ") + 6

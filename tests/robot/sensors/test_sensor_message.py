@@ -25,7 +25,7 @@ measurements = st.lists(st.lists(readings, max_size=4), max_size=14)
 
 
 def blocks(message: Measurements, dialect: Dialect = THREE) -> bytes:
-    """All bytes of a message."""
+    """Return all bytes of a message."""
     return b"".join(SENSOR_MESSAGE.encode(message, dialect))
 
 
@@ -44,7 +44,7 @@ def recorded(version: str) -> list[bytes]:
 
 @pytest.mark.parametrize("version", VERSIONS)
 def test_messages_of_a_real_imu(version: str):
-    """They have four sensors in twelve categories; encoded again they have the same bytes."""
+    """Recorded messages have four sensors in twelve categories; encoded again they have the same bytes."""
     bodies = recorded(version)
     assert len(bodies) > 5
     for body in bodies:
@@ -58,7 +58,7 @@ def test_messages_of_a_real_imu(version: str):
 
 
 def test_bytes_of_a_message():
-    """Lists in lists: categories, sensors, a vector of doubles and a time."""
+    """A message is lists in lists: categories, sensors, a vector of doubles and a time."""
     message = [[], [SensorReading(np.array([1.5]), 2.5)]]
     expected = struct.pack("<ii ii ii ii ii d id", 256, 2, 256, 0, 256, 1, 256, 2, 266, 1, 1.5, 10, 2.5)
     assert blocks(message) == expected
@@ -106,8 +106,8 @@ def test_any_bytes(noise: bytes, message: Measurements, place: int, dialect: Dia
 
 
 @pytest.mark.parametrize("text", ["", "()", "(((1 2 3) 4))", "() (((1.5 2) 3.5) (() 4))", "((([pos] 1) 2))"])
-def test_what_somebody_types(text: str):
-    """Numbers of any type are taken for doubles."""
+def test_what_a_person_types(text: str):
+    """Numbers of any type are read as doubles."""
     read = SENSOR_MESSAGE.from_text(text)
     assert all(reading.values.dtype == np.float64 for category in read for reading in category)
     assert SENSOR_MESSAGE.from_text(SENSOR_MESSAGE.to_text(read)) is not None

@@ -172,7 +172,7 @@ def test_single_commands_are_never_left_out(network: Network, strict: str | None
 
 @pytest.mark.parametrize("joints", [3, -1, [0, 3], 2**40])
 def test_joints_that_do_not_exist_are_refused_here(network: Network, joints: Any):
-    """This holds for readings, requests and streamed commands; the message names the board and the joint."""
+    """Readings, requests and commands of an unknown joint are refused; the error names board and joint."""
     values = 0.0 if isinstance(joints, int) else [0.0, 0.0]
     wrong = joints if isinstance(joints, int) else 3
     with ScriptedBoard("/board", network) as board, client_of(board, network) as client:

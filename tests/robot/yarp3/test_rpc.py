@@ -33,7 +33,7 @@ ARGUMENTS: list[tuple[Value, ...]] = [
 @pytest.mark.parametrize("dialect", Dialect)
 @pytest.mark.parametrize("arguments", ARGUMENTS, ids=str)
 def test_bytes_are_those_of_the_bottle(arguments: tuple[Value, ...], dialect: Dialect):
-    """This holds for every request, with any arguments."""
+    """A request that is encoded from parts has the bytes of the whole bottle, with any arguments."""
     for question in QUESTIONS:
         whole = Bottle([*question.words, *arguments])
         asked = question, arguments
@@ -56,7 +56,7 @@ def test_words_are_read_into_the_same_objects(word: Vocab):
 
 
 def test_words_of_the_questions_are_those_of_the_table():
-    """One request of each kind is compared in full."""
+    """The words of the request for ``motion_done`` are those of the table."""
     (question, *_) = GETTING["motion_done"].values()
     assert isinstance(question, Request)
     assert Bottle([*question.words]).to_text() == "[get] [don]"

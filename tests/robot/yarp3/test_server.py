@@ -308,7 +308,7 @@ def server(board: CalibratedBoard, network: Network) -> Iterator[ControlBoardSer
 
 @pytest.fixture
 def client(server: ControlBoardServer, network: Network) -> Iterator[RpcClient]:
-    """A client of its RPC port."""
+    """A client of the server's RPC port."""
     with RpcClient("/client", "/robot/arm/rpc:i", network=network) as opened:
         yield opened
 
@@ -365,7 +365,7 @@ def test_the_conversation_leaves_nothing_out():
 
 
 def test_bytes_of_an_answer(client: RpcClient):
-    """The list is of mixed types, with whole numbers of 32 bits and floats of 64."""
+    """The list in an answer is of mixed types, with whole numbers of 32 bits and floats of 64."""
     client.call(Bottle.parse("[set] [icmd] [cmod] 0 [vel]"))
     answer = client.call(Bottle.parse("[get] [icmd] [cmod] 0"), answer=RAW)
     assert answer is not None
@@ -385,7 +385,7 @@ def test_a_device_without_an_interface_fails(network: Network, stepped: ManualCl
         assert str(asking.call(Bottle.parse("[get] [axes]"))).startswith("[is] [axes] 2 [tsta] 1 ")
 
 
-def test_a_broken_device_is_told_of_and_survived(network: Network, stepped: ManualClock, said: list[str]):
+def test_an_unexpected_error_of_the_device(network: Network, stepped: ManualClock, said: list[str]):
     """An unexpected error of a device is answered [fail], and reported with the request."""
     with (
         closing(ControlBoardServer(Axes(), "/robot/arm", network=network)),

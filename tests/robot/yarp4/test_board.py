@@ -70,7 +70,7 @@ RECORDED_PORT = 10008
 
 
 def described(joints: int = 4, limits: tuple[float, float] = (-95.0, 10.0)) -> Property:
-    """The configuration of a board of so many joints."""
+    """Return the configuration of a board of so many joints."""
     least, greatest = (" ".join([str(limit)] * joints) for limit in limits)
     variables = "(VARIABLES (kinematic_mj (1.0 0.0 0.0 1.0)))"
     return Property.parse(f"(GENERAL (Joints {joints})) (LIMITS (Min ({least})) (Max ({greatest}))) {variables}")
@@ -113,7 +113,7 @@ def link(shared_time: ManualClock, shared_network: Network) -> Iterator[Link]:
 
 
 class TestServedBoard(ControlBoardContract):
-    """A board at the other end of the service does what boards do."""
+    """A board at the other end of the service keeps the contract."""
 
     @pytest.fixture
     def board(self, link: Link) -> Device:
@@ -124,7 +124,7 @@ class TestServedBoard(ControlBoardContract):
         return link.client
 
     def advance(self, seconds: float) -> None:
-        """See the contract."""
+        """See ControlBoardContract."""
         time, _, server, _ = self.link
         time.sleep(seconds)
         server.publish(time.now())
@@ -137,7 +137,7 @@ RECORDED = recordings("4.0.0", "robot.json")["questions"]
 
 
 def of_the_board() -> list[Any]:
-    """The recorded conversations that were held with the board's service."""
+    """Return the recorded conversations with the board's service."""
     return [talk for talk in RECORDED if bytes.fromhex(talk[1][1]) == framing.yarp_number(RECORDED_PORT)]
 
 
@@ -187,7 +187,7 @@ def test_answers_have_the_bytes_of_real_boards(network: Network, question: str, 
     assert bytes_of(service.answer(Bottle.parse(question))).hex(" ") == answer
 
 
-def test_interfaces_are_told_in_full(network: Network):
+def test_all_interfaces_are_listed(network: Network):
     """The answer has all 23 interfaces, also those that the board lacks."""
     service = BoardService(opened(), PART, network=network)
     answer = decode_from(bytes_of(service.answer(Bottle(["getDeviceInterfacesRPC"]))), 0, Dialect.YARP4)[0]
@@ -506,7 +506,7 @@ def test_both_styles_of_clients_are_served_at_once(network: Network, dialect: Di
 
 
 def test_a_service_speaks_its_dialect_whatever_the_network_does(network: Network):
-    """Numbers are right in a network of YARP 3, too, also by fast_tcp."""
+    """Numbers of the service are right in a network of YARP 3, too, also by fast_tcp."""
     network.dialect = Dialect.YARP3
     with publishing(network, opened()), closing(connected(network, timeout=1.0)) as client:
         assert client.limits(0) == (-95.0, 10.0)
@@ -534,7 +534,7 @@ def test_clients_may_ask_for_the_version(network: Network):
 
 
 def test_a_client_of_a_board_that_is_not_there(network: Network):
-    """The message names the missing port, and nothing stays open."""
+    """The error names the missing port, and no port stays open."""
     with pytest.raises(DeviceError, match="/robot/arm"):
         connected(network)
 
@@ -560,7 +560,7 @@ def is_stale(client: ControlBoardServiceClient) -> bool:
 
 
 def test_a_client_that_is_not_open():
-    """The message says that it is not open."""
+    """A client that is not open raises an error that says so."""
     with pytest.raises(DeviceError, match="not open"):
         ControlBoardServiceClient("client").encoders()
 
@@ -594,7 +594,7 @@ class Dawdling(Scripted):
         assert self.end.wait(10)
 
 
-def test_what_is_slow_holds_up_nobody(network: Network):
+def test_a_slow_action_delays_no_request(network: Network):
     """A client answers other requests while it waits for the calibration of a part."""
     board = Dawdling()
     with publishing(network, board), closing(connected(network)) as client, ThreadPoolExecutor(1) as pool:

@@ -65,7 +65,7 @@ def make_service(network: Network, controls: IFrameGrabberControls | None = None
 
 
 def test_answers_have_the_bytes_of_a_real_camera(network: Network):
-    """The recorded calls, in order; of the image up to its pixels."""
+    """The recorded calls, in order, have the recorded answers; of the image, up to its pixels."""
     camera = make_camera()
     camera.camera_description = lambda: (0, "")  # type: ignore[method-assign]
     service = CameraService(camera, camera, 0.05, "/cam/rpc", network=network)
@@ -124,7 +124,7 @@ def test_every_answer_of_a_real_camera_is_read_and_written_alike(question: str, 
     ],
 )
 def test_questions_and_answers(network: Network, question: str, answer: str):
-    """Requests that are not in the recordings; error answers have the defaults of all results."""
+    """Requests without a recording have these answers; error answers have the defaults of all results."""
     camera = make_camera()
     assert text_of(make_service(network, camera).answer(Bottle.parse(question))) == answer
 
@@ -248,7 +248,7 @@ def test_a_client_of_a_real_camera(network: Network):
     [("err1", RefusedError), ("err2", NotSupportedError), ("err3", NoAnswerError), ("err6", NotSupportedError)],
 )
 def test_errors_of_a_camera(network: Network, code: str, error: type[Exception]):
-    """Each code is the error that it stands for; not ready means that the camera lacks the interface."""
+    """Each code raises its error; *not ready* means that the camera lacks the interface."""
     with (
         RpcServer("/cam/rpc", lambda _request: Bottle.parse(f"([{code}]) [fail]"), network=network),
         closing(open_client(network)) as client,
