@@ -39,7 +39,7 @@ def go(page: Page, hash_: str) -> None:
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 @pytest.mark.parametrize("live", [False, True], ids=["archived", "live"])
-def test_no_view_keeps_anybody_out(
+def test_every_view_is_accessible(
     finished: Any, visit: Any, served: Any, barriers: Any, shoot: Callable[..., None], *, dark: bool, live: bool
 ):
     """axe-core finds no violation in any view."""
@@ -61,7 +61,7 @@ def test_no_view_keeps_anybody_out(
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
-def test_the_operators_parts_keep_nobody_out(
+def test_the_operators_parts_are_accessible(
     live_run: Any, visit: Any, barriers: Any, shoot: Callable[..., None], *, dark: bool
 ):
     """axe-core finds no violation in questions and in the stop dialog."""
@@ -174,7 +174,7 @@ def test_the_focus_goes_everywhere_and_is_seen(finished: Any, visit: Any):
     assert unseen == []
 
 
-def test_who_listens_hears_the_end(live_run: Any, visit: Any):
+def test_a_live_region_reports_the_end(live_run: Any, visit: Any):
     """The page has landmarks, and a live region that reports failures and the end."""
     run = live_run('<test name="gate" fixtures="">gate.py</test><test name="flaky" fixtures="">flaky.py</test>')
     page = visit(run.address)

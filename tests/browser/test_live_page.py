@@ -265,7 +265,7 @@ def test_without_the_token_there_is_only_looking(live_run: Callable[..., Any], v
     shoot(page, "live-without-token")
 
 
-def test_the_token_is_seen_by_nobody(live_run: Callable[..., Any], visit: Any):
+def test_the_token_is_not_visible(live_run: Callable[..., Any], visit: Any):
     """The token disappears from the address, and is kept on reloading."""
     run = live_run(STOPPED)
     page = visit(run.address)

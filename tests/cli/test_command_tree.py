@@ -182,6 +182,6 @@ def test_no_word_is_dropped(words: tuple[str, ...], tmp_path: Path):
     assert "--help" in done.stderr
 
 
-def test_a_misspelt_command_is_told_the_right_one(tmp_path: Path):
+def test_the_error_of_a_misspelt_command_has_the_right_one(tmp_path: Path):
     """The error about an unknown command names the nearest one."""
     assert "did you mean version?" in call("rtf", "verison", folder=tmp_path).stderr

@@ -71,7 +71,7 @@ def test_describe_of_nothing_lists_all(folder: Path):
     assert "process" in run_command(folder, "describe", "--fixture").stdout.lower()
 
 
-def test_validate_tells_every_problem_of_every_file(folder: Path):
+def test_validate_reports_every_problem_of_every_file(folder: Path):
     """``validate`` reports all problems of suites, plug-ins, parameters and their files."""
     (folder / "bad.xml").write_text(
         '<suite name="bad">\n<fixture>nonesuch</fixture>\n<test param="--part arm --sped 3">elbow.py</test>\n'

@@ -61,7 +61,7 @@ def shown(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -
     return run
 
 
-def test_the_overview_tells_what_needs_a_look(shown: Callable[..., Shown], folder: Path):
+def test_the_overview_shows_what_needs_attention(shown: Callable[..., Shown], folder: Path):
     """The overview has the last ten runs, flaky and failing tests, drifts, and values near a limit."""
     done = shown(folder)
     assert (done.exit_code, done.stderr) == (0, "")
@@ -80,7 +80,7 @@ def test_the_overview_tells_what_needs_a_look(shown: Callable[..., Shown], folde
     assert "right_knee" not in text
 
 
-def test_a_name_tells_all_about_it(shown: Callable[..., Shown], folder: Path):
+def test_a_name_selects_its_details(shown: Callable[..., Shown], folder: Path):
     """For a name the command prints each measurement and test that has it."""
     done = shown(folder, "left_knee", "power")
     assert (

@@ -112,7 +112,7 @@ def test_lists_and_dry_runs_have_no_implied_fixtures(folder: Path, option: str):
     assert "rig" not in outcome.stdout
 
 
-def test_wrong_parameters_are_told_by_the_test(folder: Path):
+def test_wrong_parameters_are_an_error_of_the_test(folder: Path):
     """Wrong parameters are an error of the test only, and no fixture is started."""
     outcome = run_command(folder, "--test", "tests/lifts.py", "--set", "hight=2")
     assert outcome.verdict("lifts") is Verdict.ERROR
@@ -120,7 +120,7 @@ def test_wrong_parameters_are_told_by_the_test(folder: Path):
     assert outcome.of(Diagnosed) == []
 
 
-def test_one_that_cannot_be_asked_is_told(folder: Path):
+def test_one_that_cannot_be_asked_is_reported(folder: Path):
     """A test that cannot be asked for its implied fixtures is reported; the others get theirs."""
     text = 'import os\nos._exit(3)\nfrom rtf.testing import TestCase\nclass Dies(TestCase):\n    safety = "motion"\n'
     write_files(folder, {"tests/dies.py": text})

@@ -54,7 +54,7 @@ def test_nothing_is_overwritten(kind: str, tmp_path: Path):
 
 
 @pytest.mark.parametrize("words", [("tset", "x"), ("test", "../x"), ("test", "1x"), ("test",), ("test", "x", "y")])
-def test_wrong_words_are_told(words: tuple[str, ...], tmp_path: Path):
+def test_wrong_words_are_reported(words: tuple[str, ...], tmp_path: Path):
     """An unknown kind, and a name that fits no file and class, are wrong usage."""
     assert new(tmp_path, *words).returncode == ExitCode.USAGE
     assert [*tmp_path.iterdir()] == []

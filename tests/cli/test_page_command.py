@@ -95,7 +95,7 @@ def test_a_torn_line_is_not_shown(folder: Path):
     viewer.end()
 
 
-def test_what_is_no_run_is_told(folder: Path):
+def test_what_is_no_run_is_an_error(folder: Path):
     """The error about a folder without a run names the path."""
     outcome = run_command(folder, "page", "nothing-here", "--web-port", "0")
     assert outcome.exit_code == ExitCode.USAGE

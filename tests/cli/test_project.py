@@ -135,7 +135,7 @@ def test_show_config_says_what_came_from_where(folder: Path):
         ("jobs = ", "rtf.toml: Invalid value"),
     ],
 )
-def test_a_mistake_is_told_with_its_line(folder: Path, line: str, said: str):
+def test_a_mistake_is_reported_with_its_line(folder: Path, line: str, said: str):
     """An error in the file is reported with its line; a file cannot allow motion."""
     (folder / "rtf.toml").write_text(f"{line}\n")
     done = run_command(folder, "suites/a.xml")

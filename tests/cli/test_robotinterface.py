@@ -380,7 +380,7 @@ class TestUsage:
         os.close(writing)
         assert (done.returncode, done.stderr) == (3, b"")
 
-    def test_everything_that_is_wrong_is_told(self, lab: Lab):
+    def test_every_mistake_is_reported(self, lab: Lab):
         """All problems of the file are reported, with exit code 4, and no device is opened."""
         lab.write(BOARD + device("stub", inside=action("attach", device="bord")) + "<odd/>")
         program = lab.run()

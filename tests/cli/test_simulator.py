@@ -96,7 +96,7 @@ class TestStarting:
             ("dance", "unrecognized arguments: dance"),
         ],
     )
-    def test_what_is_wrong_is_told(self, words: str, hint: str, started: list[program.Settings], capsys: Captured):
+    def test_mistakes_are_reported(self, words: str, hint: str, started: list[program.Settings], capsys: Captured):
         """A wrong option ends with 4 and a hint, and no simulator is started."""
         with pytest.raises(SystemExit) as ended:
             simulator(words.split())
@@ -175,7 +175,7 @@ class TestTalking:
         assert capsys.readouterr().out == "1\n0\n"
         assert service.injector.active == ()
 
-    def test_what_it_refuses_is_told(self, service: SimulatorService, capsys: Captured):
+    def test_refusals_are_reported(self, service: SimulatorService, capsys: Captured):
         """A refusal of the simulator is printed, with exit code 1."""
         assert simulator(["inject", "jam", "l_elbow", "force=1", "--robot", "bot"]) == 1
         assert "jam has no parameter force; its parameters: torque" in capsys.readouterr().err
@@ -191,14 +191,14 @@ class TestTalking:
             ("clear all", "'all' is no whole number"),
         ],
     )
-    def test_what_is_wrong_is_told(self, words: str, hint: str, capsys: Captured):
+    def test_mistakes_are_reported(self, words: str, hint: str, capsys: Captured):
         """A wrong command ends with 4 and a hint, before the simulator is asked."""
         with pytest.raises(SystemExit) as ended:
             simulator(words.split())
         assert ended.value.code == 4
         assert hint in capsys.readouterr().err
 
-    def test_nobody_there(self, service: SimulatorService, capsys: Captured):
+    def test_a_missing_simulator(self, service: SimulatorService, capsys: Captured):
         """The error about a missing simulator names its port."""
         assert service.robot.name == "bot"
         assert simulator(["status", "--robot", "nobody"]) == 1

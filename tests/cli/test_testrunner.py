@@ -113,7 +113,7 @@ def test_a_list_of_nothing_says_what_lists_all(folder: Path):
         (["fine.xml", "--type", "gtest"], "--type is for tests that the command line names"),
     ],
 )
-def test_wrong_usage_is_told_before_anything_runs(folder: Path, arguments: list[str], said: str):
+def test_wrong_usage_is_reported_before_anything_runs(folder: Path, arguments: list[str], said: str):
     """Wrong usage ends with 4 and a message, and no run begins."""
     (folder / "empty").mkdir()
     done = run_command(folder, *arguments)
@@ -233,7 +233,7 @@ def test_a_last_run_without_failures_is_named(folder: Path):
     assert f"none of 2 tests is selected by --last-failed (what did not pass in {last})" in done.stderr
 
 
-def test_a_list_tells_what_is_not_found(folder: Path):
+def test_a_list_reports_what_is_not_found(folder: Path):
     """``--list`` reports each missing test and fixture, and ends with 4."""
     (folder / "lost.xml").write_text('<suite name="lost"><fixture>proces</fixture><test>Fin</test></suite>')
     done = run_command(folder, "-s", "lost.xml", "--list")
@@ -446,7 +446,7 @@ def test_the_device_is_recorded(folder: Path):
         (("--device-ask",), "--device-ask needs a terminal"),
     ],
 )
-def test_a_wrong_record_of_the_device_is_told(folder: Path, words: tuple[str, ...], said: str):
+def test_a_wrong_record_of_the_device_is_reported(folder: Path, words: tuple[str, ...], said: str):
     """A wrong record of the device is wrong usage."""
     done = run_command(folder, "-s", "fine.xml", *words)
     assert done.exit_code == ExitCode.USAGE
@@ -490,7 +490,7 @@ def test_every_word_is_run(folder: Path, words: tuple[str, ...], ids: list[str])
 
 
 @pytest.mark.parametrize("command", [[], ["validate"]])
-def test_a_variable_that_no_suite_asks_for_is_told(tmp_path: Path, command: list[str]):
+def test_a_variable_that_no_suite_uses_is_reported(tmp_path: Path, command: list[str]):
     """A variable that no suite uses is a warning, with the nearest name."""
     text = '<suite name="s"><test param="--level ${level}">fine.py</test></suite>'
     fine = "from rtf.testing import Parameter, TestCase\nclass Fine(TestCase):\n    level = Parameter(int, 'a level')\n"

@@ -146,7 +146,7 @@ class TestAdd:
         assert [(output.peer, output.carrier) for output in port.outputs] == [("/reader", "udp")]
         eventually(lambda: [one.carrier for one in reader.inputs] == ["udp"], "older inputs are left")
 
-    def test_nobody_there(self, port: Port, network: Network, said: list[str], way: str):
+    def test_a_missing_port(self, port: Port, network: Network, said: list[str], way: str):
         """A port that is unknown or gone gives an error, whose cause the asked port reports."""
         assert ask(port, "[add] /nosuch", way) == Bottle([-1, "Do not know how to connect to /nosuch\r\n"])
         with socket.create_server(("127.0.0.1", 0)) as listening:

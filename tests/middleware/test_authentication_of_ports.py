@@ -41,7 +41,7 @@ def test_a_stranger_gets_nowhere(server: RpcServer, network: Network, key: bytes
     assert [caller.peer for caller in server.inputs] == []
 
 
-def test_nothing_is_said_to_who_does_not_prove_the_key(server: RpcServer):
+def test_a_peer_without_the_key_gets_no_answer(server: RpcServer):
     """A caller without the key gets only the first message of the handshake."""
     with socket.create_connection((server.contact.host, server.contact.port), timeout=5) as connection:
         connection.sendall(b"CONNECT me\r\n*\r\nq\r\n" + b"x" * 40)

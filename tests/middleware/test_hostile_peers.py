@@ -136,7 +136,7 @@ def _hung_up(caller: socket.socket) -> bool:
         return True
 
 
-def test_one_that_stalls_holds_up_nobody(server: RpcServer, network: Network):
+def test_one_that_stalls_delays_no_other(server: RpcServer, network: Network):
     """Callers that send no handshake, or read no replies, do not delay others."""
     stalled = [socket.create_connection((server.contact.host, server.contact.port), timeout=5) for _ in range(10)]
     for connection in stalled[:3]:

@@ -66,7 +66,7 @@ class TestSurvey:
         with Port("/a/x", network=network), Port("/ab", network=network):
             assert [port.name for port in survey(network, "/a")] == ["/a/x"]
 
-    def test_those_who_do_not_answer(self, network: Network):
+    def test_ports_that_do_not_answer(self, network: Network):
         """Ports that are gone or silent are dead within the patience; entries that are no ports are unknown."""
         with socket.create_server(("127.0.0.1", 0)) as mute:
             network.names.register("/mute", carrier="tcp", host="127.0.0.1", port=mute.getsockname()[1])

@@ -21,7 +21,7 @@ COUNT = 3 * MOST
 
 @pytest.mark.parametrize("together", [1, 5])
 @pytest.mark.parametrize("carrier", ["tcp", "text_ack", "unix_stream+ack", "local"])
-def test_when_it_has_settled_everybody_has_got_everything(network: Network, carrier: str, together: int):
+def test_when_it_has_settled_every_reader_has_every_message(network: Network, carrier: str, together: int):
     """After ``settle`` all messages have arrived, in order and with envelopes, singly or in batches."""
     came: list[tuple[str, Bottle]] = []
 
@@ -37,7 +37,7 @@ def test_when_it_has_settled_everybody_has_got_everything(network: Network, carr
 
 
 @pytest.mark.parametrize("carrier", ["tcp", "text_ack", "local"])
-def test_what_is_kept_is_told_as_it_was(network: Network, carrier: str):
+def test_kept_output_is_unchanged(network: Network, carrier: str):
     """A waiting message is sent as it was written; by ``local`` the object itself arrives."""
     came: list[Bottle] = []
 

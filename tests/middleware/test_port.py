@@ -112,7 +112,7 @@ class TestReading:
                 writer.write(Bottle([number]))
             assert [reader.read(timeout=5)[0] for _ in range(100)] == [*range(100)]
 
-    def test_reader_that_waits_too_long_is_told(self, network: Network):
+    def test_reader_that_waits_too_long_gets_an_error(self, network: Network):
         """A read that times out raises an error with the port's name."""
         with Port("/reader", network=network) as reader, pytest.raises(WaitTimeoutError, match="/reader within"):
             reader.read(timeout=0.01)
@@ -331,7 +331,7 @@ class TestManyReaders:
         for reader in readers:
             reader.close()
 
-    def test_a_reader_that_breaks_costs_nobody_else_anything(self, network: Network):
+    def test_a_broken_reader_affects_no_other(self, network: Network):
         """If one reader fails, the others get the same message."""
         with BufferedPort("/good", strict=True, network=network) as good, Port("/writer", network=network) as writer:
             with socket.create_server(("127.0.0.1", 0)) as listening:

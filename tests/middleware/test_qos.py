@@ -199,7 +199,7 @@ class TestThreads:
             port.set_qos("/reader", Qos(policy=os.SCHED_FIFO, priority=5))
             assert scheduled(port.outputs[0].thread) == (os.SCHED_FIFO, 5)
 
-    def test_of_whoever_writes(self, writer: Port, said: list[str]):
+    def test_of_an_output_without_a_thread(self, writer: Port, said: list[str]):
         """An output without a thread refuses a real-time priority, and accepts the normal one."""
         with pytest.raises(QosError, match="the connection with /reader has no thread of its own"):
             writer.set_qos("/reader", Qos(policy=os.SCHED_FIFO, priority=5))

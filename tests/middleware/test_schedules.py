@@ -163,7 +163,7 @@ class TestEither:
 
         scene.explore(program)
 
-    def test_interrupt_wakes_whoever_reads(self, scene: Scene, make: Callable[[], Port]):
+    def test_interrupt_wakes_readers(self, scene: Scene, make: Callable[[], Port]):
         """An interrupt wakes a waiting reader, also if the port is resumed at once.
 
         The second interrupt is only for a reader that did not wait yet.

@@ -167,9 +167,7 @@ class TestEnds:
         assert not writer.outputs
         assert keeper.came == [0]
 
-    def test_what_makes_no_sense_costs_its_sender_the_connection_and_nobody_else(
-        self, network: Network, said: list[str]
-    ):
+    def test_nonsense_costs_only_its_sender_the_connection(self, network: Network, said: list[str]):
         """An error in a message closes its connection with a report, and no other one."""
 
         class Fussy(Keeper):

@@ -116,7 +116,7 @@ def test_a_socket_that_was_closed_behind_its_back_makes_room_for_another(watcher
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
-def test_an_error_is_told_and_the_others_go_on(watcher: SocketWatcher, monkeypatch: pytest.MonkeyPatch):
+def test_an_error_is_reported_and_the_others_go_on(watcher: SocketWatcher, monkeypatch: pytest.MonkeyPatch):
     """An error of a callback reaches threading.excepthook, and other sockets are read."""
     told: list[type[BaseException]] = []
     monkeypatch.setattr(threading, "excepthook", lambda args: told.append(args.exc_type))

@@ -60,7 +60,7 @@ class TestKeeping:
         assert part == b"\1" * 5
         assert (numbers == 2).all()
 
-    def test_a_large_piece_that_nobody_keeps(self, ends: tuple[Stream, Callable[[bytes], None]]):
+    def test_a_large_piece_without_a_reference(self, ends: tuple[Stream, Callable[[bytes], None]]):
         """The memory of a message that is not kept is used for the next one."""
         stream, send = ends
         send(bytes(3 * LARGE))

@@ -275,7 +275,7 @@ class TestNetworkClock:
             time.close()
         assert woken[0] >= 5.0
 
-    def test_close_wakes_everybody(self, network: Network):
+    def test_close_wakes_all_waiting_threads(self, network: Network):
         """Closing the clock ends the wait for the first message."""
         time = NetworkClock("/clock", network=network)
 

@@ -81,7 +81,7 @@ def test_only_the_token_controls(header: str, *, may: bool):
     assert Access(settings()).may_control(header) == may
 
 
-def test_without_a_token_nobody_controls():
+def test_without_a_token_there_is_no_control():
     """Without a token, as for a finished run, nothing allows control."""
     access = Access(Settings(run_folder="/nowhere", host="127.0.0.1", port=8080))
     assert not access.may_control("Bearer ")

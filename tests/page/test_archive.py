@@ -151,7 +151,7 @@ def test_many_series_share_the_room(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert len(kept) + len(left_out(found)) == 4
 
 
-def test_a_series_that_is_none_is_told_of(tmp_path: Path):
+def test_an_invalid_series_is_reported(tmp_path: Path):
     """A damaged or missing series is reported, and the others are archived."""
     np.savez(tmp_path / "good.npz", t=[0.0], x=[1.0])
     (tmp_path / "bad.npz").write_bytes(b"PK?")

@@ -88,7 +88,7 @@ def test_a_journal_that_does_not_exist_yet_is_an_empty_one(tmp_path: Path):
     assert journal.grow()
 
 
-def test_the_same_bytes_serve_all_who_are_at_the_same_place(tmp_path: Path):
+def test_the_same_bytes_serve_all_clients_at_the_same_position(tmp_path: Path):
     """Clients at the same position share one message."""
     path = tmp_path / "journal"
     path.write_bytes(b'{"n":0}\n')

@@ -122,7 +122,7 @@ def follow_restlessly(page: Page, seed: int) -> list[dict[str, Any]]:
                     break
 
 
-def test_nobody_misses_a_line_or_gets_one_twice(folder: Path):
+def test_each_client_gets_each_line_once(folder: Path):
     """Clients that stay, come late, or reconnect all get the whole journal once."""
     run = LiveRun(folder, "-s", "talking.xml", "--no-output", "--web-keep")  # who is away when it ends may come back
     with ThreadPoolExecutor(12) as pool:

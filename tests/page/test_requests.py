@@ -44,7 +44,7 @@ def test_status_has_the_cpp_framework_two_keys(waiting: LiveRun):
     assert waiting.page.get("/status").json == {"name": "waiting", "testStatus": [1, 0]}
 
 
-def test_a_latecomer_gets_everything_and_who_comes_back_the_rest(waiting: LiveRun):
+def test_a_late_client_gets_everything_and_a_returning_one_the_rest(waiting: LiveRun):
     """A client gets all events, or those after the position in its header or query."""
     journal = [json.loads(line) for line in (waiting.run_folder / "journal.jsonl").read_text().splitlines()]
     assert journal[-1]["event"] == "asked"

@@ -96,7 +96,7 @@ def test_folders_have_suites_only_where_that_was_asked_for(lab, arguments, expec
     assert "report.xml" not in finished.out
 
 
-def test_errors_of_a_file_are_told_like_a_compilers(lab):
+def test_errors_of_a_file_are_written_as_by_a_compiler(lab):
     """Errors of a suite are reported with their places, and it is not collected."""
     lab.write(bad__xml='<suite name="s">\n  <test name="a" retrys="2"> Fine </test>\n  <test name="b"/>\n</suite>\n')
     finished = lab.run("bad.xml")

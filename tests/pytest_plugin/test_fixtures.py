@@ -34,7 +34,7 @@ class Killer(TestCase):
 """
 
 
-def test_collapse_is_got_over_and_told(lab):
+def test_collapse_is_repaired_and_reported(lab):
     """After a collapse the test is run again, with a warning, a section and a property."""
     lab.write(killer__py=DIES_ONCE)
     lab.suite('<fixture name="robot" backoff="0" check-period="0.1"> Robot </fixture><test name="k"> killer.py </test>')

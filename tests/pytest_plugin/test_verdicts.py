@@ -48,7 +48,7 @@ def session(module_lab):
 
 
 @pytest.mark.parametrize("name", EXPECTED)
-def test_verdict_is_told_where_people_look(session, name):
+def test_verdict_is_where_people_look(session, name):
     """The journal has the verdict, and the short summary has pytest's word and the reason."""
     verdict, word, said = EXPECTED[name]
     assert session.results.tests[f"s/{name.replace(' ', '-')}"].verdict is verdict
@@ -65,7 +65,7 @@ def test_counts_are_those_of_the_table(session):
     assert session.exit_code == pytest.ExitCode.TESTS_FAILED
 
 
-def test_reason_of_a_skip_is_told_at_the_test(session):
+def test_reason_of_a_skip_is_at_the_test(session):
     """A skip has its reason, and the place of the test in the suite."""
     skips = [line for line in session.summary if line.startswith("SKIPPED")]
     assert "SKIPPED [1] s.xml:7: no left arm here" in skips
@@ -78,7 +78,7 @@ def test_nothing_of_our_own_frames_is_shown(session):
     assert "_pytest/" not in session.out
 
 
-def test_failure_tells_place_limits_and_parts(session):
+def test_failure_has_place_limits_and_parts(session):
     """A failure has its place, limits, and sub-results."""
     text = session.cases()["arm"].find("failure").text
     assert (

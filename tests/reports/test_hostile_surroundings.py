@@ -170,7 +170,7 @@ def test_only_our_own_marks_reach_jenkins(story: Story, reports: Reports):
 # No room -------------------------------------------------------------------------------------------------------------
 
 
-def test_a_full_disk_is_told_once_and_the_list_of_reports_is_true(folder: Path):
+def test_a_full_disk_is_reported_once_and_the_list_of_reports_is_true(folder: Path):
     """A full disk is one internal error with a hint and no traceback; the list of reports marks the incomplete ones."""
     reports = ("--junit", "j.xml", "--json", "j.json", "--ctrf", "c.json")
     command = [sys.executable, "-m", "rtf.cli.testrunner", "--suite", "s.xml", *reports]
@@ -190,7 +190,7 @@ def test_a_full_disk_is_told_once_and_the_list_of_reports_is_true(folder: Path):
     assert len(json.loads((folder / "c.json").read_bytes())["results"]["tests"]) == 11
 
 
-def test_too_few_open_files_are_told_in_one_line(folder: Path):
+def test_too_few_open_files_are_reported_in_one_line(folder: Path):
     """A limit of open files that is too low is one line that names ``ulimit -n``, before the run begins."""
     command = [sys.executable, "-m", "rtf.cli.testrunner", "--suite", "s.xml", "-q", "-j", "4"]
     script = 'ulimit -n 40; exec "$@"'

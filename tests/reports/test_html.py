@@ -133,7 +133,7 @@ def test_an_earlier_run_that_is_not_there_is_an_error_before_the_run(probe: Path
     assert not (probe / "page.html").exists()
 
 
-def test_a_history_that_cannot_be_read_is_told_of_in_the_page(tmp_path: Path):
+def test_a_history_that_cannot_be_read_is_named_in_the_page(tmp_path: Path):
     """A history that cannot be read is no internal error: the page is made without it and names its path."""
     (tmp_path / FILE_NAME).write_bytes(to_line(RunStarted(run="r", version="1")))
     (tmp_path / "history.sqlite").write_bytes(b"no database" * 100)

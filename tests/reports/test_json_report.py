@@ -145,7 +145,7 @@ def test_everything_that_was_said_is_in_the_record(
     assert [event["text"] for event in document["diagnostics"]] == ["odd"]
 
 
-def test_a_test_that_was_running_when_the_journal_stopped_is_told(
+def test_a_test_that_was_running_when_the_journal_stopped_is_reported(
     story: Story, reports: Reports, check_failed: Callable[..., Message], validator: Draft202012Validator
 ):
     """A test that was running when the journal stopped has an attempt without outcome, with its messages."""

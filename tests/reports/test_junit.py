@@ -123,7 +123,7 @@ def test_a_failure_without_a_word_is_still_a_failure(story: Story, reports: Repo
         assert element.text.strip()
 
 
-def test_a_failure_of_a_part_is_told_once(story: Story, reports: Reports):
+def test_a_failure_of_a_part_is_written_once(story: Story, reports: Reports):
     """A test's reason and its first message, even with a title, are written once; other failures follow."""
     first = Message(
         severity=Severity.FAILURE,

@@ -64,7 +64,7 @@ def test_harmful_characters_are_written_out():
     assert report_text.one_line("a\nb\n") == "a …"
 
 
-def test_an_incident_is_told_in_one_sentence():
+def test_an_incident_is_one_sentence():
     """The sentence of an incident has fixture, generation, phase, cause, exit status and test."""
     event = FixtureIncident(
         fixture="sim", suite="s", generation=2, phase=Phase.CHECK, cause="died", exit_status=3, test="s/t"
@@ -119,7 +119,7 @@ def test_a_target_that_failed_leaves_the_old_file(tmp_path: Path):
 
 
 @pytest.mark.parametrize("name", ["text", "json", "ctrf", "junit"])
-def test_a_full_disk_is_told_and_the_run_goes_on(name: str, story: Story, tmp_path: Path):
+def test_a_full_disk_is_reported_and_the_run_goes_on(name: str, story: Story, tmp_path: Path):
     """A full disk (/dev/full) is an internal error that names the reporter, and the run goes on."""
     reporter = load_reporter(name)(ReportOptions(Path("/dev/full"), tmp_path))
     reporter.open()

@@ -148,7 +148,7 @@ def test_path_d(world: World):
     assert "path.d, icub" in str(search.places[-1])
 
 
-def test_a_broken_path_d_is_passed_over_and_told(world: World):
+def test_a_broken_path_d_is_ignored_and_reported(world: World):
     """A damaged path.d file is skipped, with a note in the search."""
     world.file("data_1/config/path.d/bad.ini", "[include a b c d]")
     search = world.finder().search("x.ini")

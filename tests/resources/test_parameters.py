@@ -61,7 +61,7 @@ def test_a_file_that_is_not_found(data: Path, environment: str):
         find(data, "--from only_icubSim.ini", environment)
 
 
-def test_every_lookup_is_told(data: Path):
+def test_every_lookup_is_reported(data: Path):
     """The searches in the default context and in that of the robot are both returned."""
     found = find(data, "--from only_icubSim.ini", "--robotname icubSim")
     assert [search.path is None for search in found.searches] == [True, False]

@@ -117,7 +117,7 @@ def test_sections_of_real_files():
     assert str(ports.location("time")).endswith("robinterface_stream.ini:2")
 
 
-def test_a_stray_quote_swallows_the_file_and_is_reported():
+def test_an_unclosed_quote_hides_the_file_and_is_reported():
     """An unclosed quote hides the rest of the file, as in YARP, and is reported."""
     head = read("motortest_head.ini")
     assert head.properties == Property.parse("(name)")

@@ -88,7 +88,7 @@ def test_a_board_by_itself_only_starts_and_fails():
     assert [end for begin, _, end in FORCED if begin is None] == [ControlMode.HARDWARE_FAULT]
 
 
-def test_without_power_nobody_drives():
+def test_without_power_there_is_no_torque():
     """The modes of users have power; idle and fault have none."""
     assert not POWERLESS & set(USER_MODES)
     assert {ControlMode.IDLE, ControlMode.HARDWARE_FAULT} <= POWERLESS

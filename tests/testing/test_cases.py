@@ -135,7 +135,7 @@ def test_the_programs_own_account_is_its_verdict(tmp_path: Path):
     }
 
 
-def test_cases_are_told_while_the_program_runs(tmp_path: Path):
+def test_cases_are_reported_while_the_program_runs(tmp_path: Path):
     """Without retries, fixtures and repetitions, cases are reported while the program runs."""
     outcome = run_suite(tmp_path, "<test>p.sh</test>", p__sh=tap("1..2", "ok 1 - a", "ok 2 - b"))
     kinds = [
@@ -236,7 +236,7 @@ def test_a_lost_fixture_takes_the_cases_along(tmp_path: Path):
     assert outcome.verdict("p") is Verdict.PASSED
 
 
-def test_a_timeout_leaves_the_cases_that_were_told(tmp_path: Path):
+def test_a_timeout_leaves_the_reported_cases(tmp_path: Path):
     """After a time-out the program is an error, and reported cases count."""
     program = "#!/bin/sh\necho 1..2\necho ok 1 - a\nexec sleep 100\n"
     outcome = run_suite(tmp_path, '<test timeout="0.5">p.sh</test>', p__sh=program)

@@ -61,7 +61,7 @@ def test_what_is_not_asked_for_is_not_run(tmp_path):
     assert (outcome.verdict("a"), outcome.verdict("b")) == (Verdict.PASSED, Verdict.NOT_RUN)
 
 
-def test_plan_may_be_told_as_it_comes(tmp_path):
+def test_plan_may_be_emitted_test_by_test(tmp_path):
     """Without planning ahead the journal has only the requested tests."""
 
     def first_only(run, worker, planned):
@@ -99,7 +99,7 @@ def test_abort_stops_one_test_and_no_other(tmp_path):
     assert outcome.verdict("a") is Verdict.PASSED
 
 
-def test_waiting_ends_when_somebody_wakes_it(tmp_path):
+def test_waiting_ends_when_another_thread_wakes_it(tmp_path):
     """``wake`` from another thread ends a wait."""
 
     def wait(_run, worker, _planned):

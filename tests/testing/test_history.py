@@ -316,7 +316,7 @@ def test_readers_do_not_wait_for_a_writer(path: Path):
     writer.close()
 
 
-def test_a_file_that_stays_locked_is_told_of(path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_file_that_stays_locked_is_reported(path: Path, monkeypatch: pytest.MonkeyPatch):
     """A file that stays locked is an error with a hint."""
     monkeypatch.setattr(database, "_PATIENCE", 0.05)
     put(path, stored(0))
@@ -348,7 +348,7 @@ def test_a_damaged_file_is_refused_and_left_alone(tmp_path: Path, content: bytes
     assert path.read_bytes() == content
 
 
-def test_damage_inside_is_told_of(path: Path):
+def test_damage_inside_is_reported(path: Path):
     """A damaged page is an error with a hint."""
     for index in range(50):
         put(path, stored(index), {f"s/{n}": Verdict.PASSED for n in range(50)})

@@ -41,7 +41,7 @@ def problems(param: str, **layers: object) -> list[str]:
     return list(caught.value.problems)
 
 
-def test_defaults_hold_where_nobody_says_anything():
+def test_defaults_hold_without_values():
     """Without a value the default counts, for each element of a list, and its source is default."""
     test, rows = resolve()
     assert test.joints == [0, 1, 2]
@@ -116,7 +116,7 @@ def test_keys_that_mean_nothing_any_more_may_be_listed():
     assert test.part == "arm"
 
 
-def test_every_problem_is_told_at_once():
+def test_every_problem_is_reported_at_once():
     """One error has all problems."""
     found = problems('--joints "(0 1)" --speed "(5 6 7)" --cycles 0 --mode tork --plot maybe')
     assert found == [

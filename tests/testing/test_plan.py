@@ -153,7 +153,7 @@ def test_classes_and_combinations_are_chosen_on_the_command_line(folder: Path, a
 
 
 @pytest.mark.parametrize("command", [["--dry-run", "--test"], ["describe"]])
-def test_a_class_that_a_file_has_not_is_told_with_those_that_it_has(folder: Path, command: list[str]):
+def test_the_error_of_an_unknown_class_has_the_known_ones(folder: Path, command: list[str]):
     """The error about an unknown class lists those of the file."""
     done = run_command(folder, *command, "two.py::Lft")
     assert done.exit_code == ExitCode.USAGE
@@ -167,7 +167,7 @@ def test_a_test_that_requires_one_with_a_matrix_requires_all_of_it(folder: Path)
 
 
 @pytest.mark.parametrize("kind", ["test", "fixture"])
-def test_the_text_of_every_shipped_plug_in_tells_what_the_loaded_class_says(kind: str):
+def test_the_text_of_every_shipped_plug_in_describes_the_loaded_class(kind: str):
     """The description read from the text agrees with the loaded class, for every shipped plug-in."""
     folder = plugins.shipped_folder(kind)
     refs = {

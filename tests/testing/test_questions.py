@@ -106,7 +106,7 @@ def test_answers_reach_the_test(tmp_path: Path):
     assert [event.answer for event in outcome.of(Answered)] == ["yes", "right", "12.5"]
 
 
-def test_nobody_there_means_the_default_or_inconclusive(tmp_path: Path):
+def test_without_an_answer_the_default_or_inconclusive(tmp_path: Path):
     """Without an operator a question has its default, or the test is inconclusive."""
     default = """
 from rtf.testing import TestCase

@@ -128,7 +128,7 @@ def test_open_questions_are_listed_oldest_first(control: Control):
     [Answered(test="s/t", question="s/t#1", answer="yes", source="timeout"), ended("s/t")],
     ids=["its time is up", "its test is over"],
 )
-def test_a_question_that_nobody_waits_for_is_closed(control: Control, event: Any):
+def test_a_question_without_a_waiting_test_is_closed(control: Control, event: Any):
     """A question is closed by its time-out, or the end of its test."""
     control.note(event)
     assert control.questions() == ()

@@ -336,7 +336,7 @@ def test_fixture_of_the_run_stays_up_for_the_very_same_one(second: str, ups: int
     assert log_of(tmp_path) == expected
 
 
-def test_fixture_of_the_run_is_not_kept_without_what_it_stands_on(tmp_path: Path):
+def test_fixture_of_the_run_is_not_kept_without_the_one_below(tmp_path: Path):
     """A fixture of scope run is torn down with one that it depends on."""
 
     def fixtures(speed: int) -> str:
@@ -476,7 +476,7 @@ def test_shared_process_that_was_stopped_is_replaced(tmp_path: Path):
     assert outcome.verdict("b") is Verdict.MEASURED
 
 
-def test_test_that_somebody_else_interrupts_has_not_passed(tmp_path: Path):
+def test_test_that_another_process_interrupts_has_not_passed(tmp_path: Path):
     """A test that is interrupted from outside of the runner is an error."""
     body = "self.check(True, '')\n        os.kill(os.getpid(), 2)\n        time.sleep(9)\n        self.check(False, '')"
     outcome = run_suite(tmp_path, '<suite name="s"><test name="t">t.py</test></suite>', t__py=test_file(body))
@@ -607,7 +607,7 @@ def test_fork_server_that_cannot_be_had_is_an_error_of_the_test(tmp_path: Path, 
         assert outcome.exit_code == ExitCode.FAILURES
 
 
-def test_reporter_that_breaks_is_left_out_and_told(tmp_path: Path):
+def test_reporter_that_breaks_is_left_out_and_reported(tmp_path: Path):
     """A reporter that raises an error is left out and reported; the exit code is 3."""
     broken, sound = Recorder(breaks_at=TestStarted), Recorder()
     outcome = run_suites(tmp_path, {"a": "<test>t.py</test><test>t.py</test>"}, broken, sound, t__py=test_file("pass"))
@@ -661,7 +661,7 @@ def test_disk_that_is_full_ends_the_journal_and_not_the_run(tmp_path: Path):
 @pytest.mark.parametrize(
     "arguments", [["--junit", "/proc/none/x.xml"], ["-o", "/proc/none/x.txt"], ["--runs", "/proc/none"]]
 )
-def test_report_that_can_never_be_written_is_told_before_anything_runs(arguments: list[str], tmp_path: Path):
+def test_report_that_can_never_be_written_is_an_error_before_anything_runs(arguments: list[str], tmp_path: Path):
     """A report that cannot be written is an error before the run."""
     write_files(tmp_path, {"t.py": test_file("note('ran')"), "s.xml": "<suite><test>t.py</test></suite>"})
     outcome = run_command(tmp_path, "--suite", "s.xml", *arguments)

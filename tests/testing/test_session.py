@@ -54,7 +54,7 @@ def test_what_errors_add_up_to(session: Session, errors: list[Exception], verdic
     assert session.tally.verdict() is verdict
 
 
-def test_error_that_cannot_be_written_is_still_told(session: Session, sent: list[Event]):
+def test_error_without_text_is_still_reported(session: Session, sent: list[Event]):
     """An exception whose text raises an error is reported with its class."""
 
     class OddError(Exception):
@@ -199,7 +199,7 @@ def test_question_and_answer(
     assert sent[1].source == source
 
 
-def test_question_that_nobody_can_answer(session: Session, sent: list[Event]):
+def test_question_without_an_operator(session: Session, sent: list[Event]):
     """Without an operator the default is the answer at once."""
     assert session.ask(Asked(test="s/t", question="q", text="?", timeout=3600, default="no")) == "no"
     assert sent[1].source == "automatic"

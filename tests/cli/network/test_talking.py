@@ -149,7 +149,7 @@ class TestEnds:
         assert tool.end(number) == 0
         assert tool.stderr == ""
 
-    def test_nobody_who_reads_the_output(self, net: Net):
+    def test_a_closed_output(self, net: Net):
         """A closed output ends the tool without a message, with exit code 3."""
         out, into = os.pipe()
         tool = net.opened("/piped", "read", "/piped")

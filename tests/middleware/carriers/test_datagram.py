@@ -130,7 +130,7 @@ def test_who_waits_is_woken_when_it_is_closed():
     link.release()
 
 
-def test_closing_one_that_is_gone_wakes_nobody_else():
+def test_closing_a_released_end_wakes_no_other():
     """Closing a released end does not write to its former descriptor, which another object may own."""
     link = receiving()
     link.release()
@@ -143,9 +143,7 @@ def test_closing_one_that_is_gone_wakes_nobody_else():
 
 
 @pytest.mark.parametrize("occupied", [1, 100])
-def test_a_number_that_somebody_else_has_is_not_the_end(
-    network: Network, monkeypatch: pytest.MonkeyPatch, occupied: int
-):
+def test_a_port_number_in_use_is_not_the_end(network: Network, monkeypatch: pytest.MonkeyPatch, occupied: int):
     """If the handshake's port number is in use for datagrams, the writer tries another, a limited number of times."""
     reach, others = network.reach, []
 

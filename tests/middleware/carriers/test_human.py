@@ -76,7 +76,7 @@ def test_message_is_carried_by_people(people: tuple[Person, Person]):
         eventually(lambda: not reader.inputs, "the reader is not told of the end")
 
 
-def test_ends_while_nobody_types(people: tuple[Person, Person]):
+def test_ends_without_input(people: tuple[Person, Person]):
     """Removing an output, or closing a port, ends the wait for typed lines."""
     here, there = people
     with Port("/reader", network=there.network), Port("/writer", network=here.network) as writer:

@@ -166,12 +166,12 @@ class TestAddress:
             NameServer(port=server.contact.port)
 
     @pytest.mark.parametrize("host", ["0.0.0.0", "::", ""])
-    def test_is_one_that_ports_can_be_told(self, host: str):
+    def test_of_all_interfaces(self, host: str):
         """An address that stands for all interfaces is refused."""
         with pytest.raises(AddressError, match="give an address of this machine"):
             NameServer(host)
 
-    def test_of_somebody_else(self):
+    def test_of_another_machine(self):
         """An address of another machine is refused."""
         with pytest.raises(ConnectError, match=r"192\.0\.2\.77"):
             NameServer("192.0.2.77")
@@ -280,7 +280,9 @@ class TestBadCallers:
 class TestByItself:
     """Events, and persistent connections."""
 
-    def test_tells_who_comes_and_goes(self, server: NameServer, names: RemoteNames, wait_until: Callable[..., None]):
+    def test_reports_ports_that_come_and_go(
+        self, server: NameServer, names: RemoteNames, wait_until: Callable[..., None]
+    ):
         """The server sends registrations and removals to the readers of its port."""
         network, heard = Network(names), []
         with Port("/listener", lambda delivery: heard.append(delivery.read().to_text()), network=network):
@@ -324,7 +326,7 @@ class TestByItself:
         wait_until(lambda: said, "nothing was said")
         assert "Cannot connect to /dead" in said[0]
 
-    def test_a_reader_that_hangs_holds_nobody_up(self, server: NameServer, names: RemoteNames):
+    def test_a_reader_that_hangs_delays_no_other(self, server: NameServer, names: RemoteNames):
         """A reader of the events that hangs does not delay answers."""
         with socket.create_server(("127.0.0.1", 0)) as deaf:
             names.command(f"register /deaf tcp 127.0.0.1 {deaf.getsockname()[1]}")

@@ -90,7 +90,7 @@ class TestNames:
         table = Table()
         assert table.register("=/topic", "tcp", "127.0.0.1", 1).name == "/tmp/port/1=/topic"
 
-    def test_are_nobody_elses(self):
+    def test_are_not_registered_yet(self):
         """A temporary name that is registered already is skipped."""
         table = Table()
         port(table, "/tmp/port/1", 5)

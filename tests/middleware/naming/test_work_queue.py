@@ -68,7 +68,7 @@ def test_bounded(errands: WorkQueue, monkeypatch: pytest.MonkeyPatch):
     assert done == [7, 8, 9]
 
 
-def test_an_error_is_told_and_the_next_is_done():
+def test_an_error_is_reported_and_the_next_task_is_done():
     """An RtfError of a task is handed to the callback, and the next task runs."""
     failures: list[Exception] = []
     errands = WorkQueue("errands", failures.append)
@@ -82,7 +82,7 @@ def test_an_error_is_told_and_the_next_is_done():
     assert [str(failure) for failure in failures] == ["no"]
 
 
-def test_a_bug_is_heard_of_and_the_next_is_done(monkeypatch: pytest.MonkeyPatch):
+def test_a_bug_is_reported_and_the_next_task_is_done(monkeypatch: pytest.MonkeyPatch):
     """Any other exception reaches threading.excepthook, and the next task runs in a new thread."""
     heard: list[type[BaseException]] = []
     ended = threading.Event()

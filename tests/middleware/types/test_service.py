@@ -170,7 +170,7 @@ def test_an_error_of_a_function_is_not_hidden():
         broken.answer(Bottle(["divide"]))
 
 
-def test_what_failed_can_be_told():
+def test_failures_are_listed():
     """``succeeded`` distinguishes a failure from any other answer."""
     assert not succeeded(FAIL)
     assert succeeded(Bottle())

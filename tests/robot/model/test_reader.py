@@ -114,7 +114,7 @@ def test_the_description_says_what_the_file_does_not(folder: Path):
         (HEAD + "[parts.'an arm'.joints]\nshoulder = {}\n", 10, "parts"),
     ],
 )
-def test_what_is_wrong_is_told_with_its_place(folder: Path, text: str, line: int, said: str):
+def test_errors_have_their_place(folder: Path, text: str, line: int, said: str):
     """An error in robot.toml is reported with the file, the line and the reason."""
     with pytest.raises(RobotModelError) as caught:
         read(folder, text)
@@ -174,13 +174,13 @@ def test_a_safe_pose_is_a_position_of_every_axis(folder: Path):
     }
 
 
-def test_broken_toml_is_told_with_its_place(folder: Path):
+def test_broken_toml_is_reported_with_its_place(folder: Path):
     """The error of a file that is not TOML names the file and the line."""
     with pytest.raises(RobotModelError, match=r"robot.toml: .*line 2"):
         read(folder, "schema = 1\nname = \n")
 
 
-def test_an_unknown_robot_is_told_where_was_looked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_the_error_of_an_unknown_robot_has_the_searched_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """The error lists the known robots and the searched folders; ``./robots`` is searched, too."""
     monkeypatch.chdir(tmp_path)
     with pytest.raises(RobotModelError, match=r"no robot 'tin'; there are bench, icub(.|\n)*tried .*robots/tin"):

@@ -215,7 +215,7 @@ def test_a_client_needs_its_server(network: Network):
             use()
 
 
-def test_refusals_are_told(client: RgbdClient, camera: FakeDepthCamera):
+def test_refusals_reach_the_client(client: RgbdClient, camera: FakeDepthCamera):
     """A refusal of the device is a RefusedError at the client, in both dialects."""
 
     def refuses() -> float:

@@ -167,7 +167,7 @@ def test_what_is_finished_and_ended_well_is_believed():
         pytest.param(GARBAGE, Verdict.ERROR, id="garbage"),
     ],
 )
-def test_what_was_heard_counts_whatever_the_process_says_at_last(lines: bytes, verdict: Verdict):
+def test_received_failures_count_whatever_the_process_claims(lines: bytes, verdict: Verdict):
     """A failure or error that was reported counts, also if the test then reports that it passed."""
     assert attempt(lines + FINISHED, End(0))[0].verdict is verdict
 
@@ -238,7 +238,7 @@ def test_phases_begin_once_and_in_order(phases: list[tuple[Phase, int]], repetit
     assert len(told) == len(phases) - accepted
 
 
-def test_phases_are_told_with_their_limits():
+def test_phases_are_reported_with_their_limits():
     """Loading has the limit of setup, and clean-ups have that of teardown."""
     limits = Limits(setup=1.0, run=2.0, teardown=3.0)
     assert [limits.of(name) for name in (Phase.LOAD, Phase.SETUP, Phase.RUN, Phase.TEARDOWN, Phase.CLEANUP)] == [
@@ -371,7 +371,7 @@ class TestTimeOut:
     ],
     ids=["nothing", "failure"],
 )
-def test_test_that_somebody_else_stopped_has_not_passed(said: bytes, verdict: Verdict, reason: str):
+def test_test_that_another_process_stopped_has_not_passed(said: bytes, verdict: Verdict, reason: str):
     """A test that was stopped from outside has not passed; a failure that it reported counts."""
     stopped = pack(Finished("passed", stopped="stopped by the runner"))
     outcome = attempt(phase(Phase.RUN) + said + stopped, End(0))[0]
@@ -455,7 +455,7 @@ def test_a_bad_case_that_cannot_be_kept_is_a_failure_of_the_program(verdict: Ver
     assert any(isinstance(event, Message) and "1 events left out" in event.detail for event in events)
 
 
-def test_nobody_tells_cases_of_another_test():
+def test_a_test_cannot_report_cases_of_another():
     """A process cannot report cases of another test."""
     taken: list[Case] = []
     outcome, *_ = attempt(

@@ -106,7 +106,7 @@ class It(TestCase):
         outcome = run_suite(tmp_path, THRICE, it__py=f"{WHO_LOADED}\n{line}\n")
         assert {said(outcome, name) for name in NAMES} == {"in the test"}
 
-    def test_what_a_file_prints_is_told_by_each_test(self, tmp_path: Path):
+    def test_the_output_of_loading_is_in_each_test(self, tmp_path: Path):
         """Output of loading is captured for each test."""
         outcome = run_suite(tmp_path, THRICE, it__py=f"print('hello')\n{WHO_LOADED}")
         texts = [(event.test, event.text) for event in outcome.of(OutputCaptured)]  # type: ignore[attr-defined]
@@ -123,7 +123,7 @@ class It(TestCase):
         ],
         ids=["raises", "exits", "exits at once", "dies", "is no Python"],
     )
-    def test_a_file_that_cannot_be_loaded_is_told_by_each_test(self, tmp_path: Path, line: str, detail: str):
+    def test_a_file_that_cannot_be_loaded_is_an_error_of_each_test(self, tmp_path: Path, line: str, detail: str):
         """A file that cannot be loaded is an error of each of its tests."""
         outcome = run_suite(tmp_path, THRICE, it__py=f"{WHO_LOADED}\n{line}\n")
         assert [outcome.verdict(name) for name in NAMES] == [Verdict.ERROR] * 3
@@ -143,7 +143,7 @@ class It(TestCase):
         outcome = run_suite(tmp_path, THRICE, options={"limits": Timeouts(total=1.0)}, it__py=code)
         assert [outcome.verdict(name) for name in NAMES[1:]] == [Verdict.PASSED] * 2
 
-    def test_all_that_a_test_wrote_is_told(self, tmp_path: Path):
+    def test_all_output_of_a_test_is_reported(self, tmp_path: Path):
         """Output that is still in a pipe when the test ends is captured."""
         code = """
 import fcntl, os
@@ -173,7 +173,7 @@ class It(TestCase):
         last = (tmp_path / "suite" / "left").read_text()
         assert not os.path.exists(f"/proc/{last}")  # noqa: PTH110 - a process, not a file
 
-    def test_what_a_process_used_is_told(self, tmp_path: Path):
+    def test_used_resources_are_reported(self, tmp_path: Path):
         """Processor time and memory in the result are those of the test."""
         code = WHO_LOADED + "        data = bytearray(64 << 20)\n        sum(range(1 << 20))\n"
         outcome = run_suite(tmp_path, THRICE, it__py=code)

@@ -264,7 +264,7 @@ def test_points_of_one_name_are_kept_apart(run: Callable[..., Ran]):
     assert [name for name, _ in ran.cases()] == ["test 1", "a", "a (2)", "a (3)"]
 
 
-def test_points_are_told_while_the_program_runs(run: Callable[..., Ran], tmp_path: Path):
+def test_points_are_reported_while_the_program_runs(run: Callable[..., Ran], tmp_path: Path):
     """Points are reported while the program runs."""
     gate = tmp_path / "gate"
     os.mkfifo(gate)
@@ -364,7 +364,7 @@ def test_no_time_that_a_program_writes_is_too_long(run: Callable[..., Ran]):
 # Wanted cases --------------------------------------------------------------------------------------------------------
 
 
-def test_a_program_is_told_which_cases_are_wanted(run: Callable[..., Ran], tmp_path: Path):
+def test_a_program_gets_the_wanted_cases(run: Callable[..., Ran], tmp_path: Path):
     """Selected cases are passed by RTF_CASES, and by GTEST_FILTER with special characters as ``?``."""
     run(f"env > {tmp_path}/env", how={"cases": ("Joint.Stops", "a-b:c (2)")})
     text = (tmp_path / "env").read_text()

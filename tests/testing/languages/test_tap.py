@@ -258,7 +258,7 @@ def test_no_text_is_too_strange(text: str):
 
 
 @given(st.lists(st.sampled_from(NESTED.splitlines()), max_size=30))
-def test_a_failed_point_at_the_surface_is_always_told(lines: list[str]):
+def test_a_failed_point_at_top_level_is_always_reported(lines: list[str]):
     """A failed point at the top level is reported in any mix of lines."""
     items = parse("\n".join(lines))
     surface = [line for line in lines if line.startswith("not ok 2")]

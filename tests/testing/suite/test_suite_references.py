@@ -174,7 +174,7 @@ def test_files_that_include_each_other_are_named(tmp_path: Path):
     assert str(tmp_path / "b.xml") == error.file
 
 
-def test_what_is_wrong_with_an_included_file_is_told_with_its_own_place(tmp_path: Path):
+def test_problems_of_an_included_file_have_its_own_place(tmp_path: Path):
     """An error in an included file has its own place; a malformed file spoils the suite."""
     write(tmp_path, main='<suite name="M"><include>bad.xml</include></suite>', bad='<suite name="B">\n<test>A</suite>')
     loaded = load_suite(tmp_path / "main.xml")

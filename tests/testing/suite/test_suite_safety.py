@@ -219,7 +219,7 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path):
     assert "no regular file" in load_suite(tmp_path / "s.xml").errors[0].text
 
 
-def test_files_that_cannot_be_read_are_told(tmp_path: Path):
+def test_files_that_cannot_be_read_are_reported(tmp_path: Path):
     """Missing files, folders and impossible names are errors."""
     assert "No such file" in load_suite(tmp_path / "none.xml").errors[0].text
     assert "this is a folder" in load_suite(tmp_path).errors[0].text

@@ -333,7 +333,7 @@ def test_a_bad_value_is_an_error_at_its_place_and_keeps_the_test_out(attribute: 
     assert (error.line, error.column) == (2, 9)
 
 
-def test_all_problems_are_told_in_one_go():
+def test_all_problems_are_reported_in_one_go():
     """All problems are reported in order, with line and column."""
     loaded = load(
         '<suite name="S" timeuot="5">\n'

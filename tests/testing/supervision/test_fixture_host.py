@@ -254,7 +254,7 @@ class TestLostRunner:
         host.interrupt()
         assert host.end() == ["setup", "park", "teardown"]
 
-    def test_tears_down_on_its_own_when_nobody_does(self, talk: Starter):
+    def test_tears_down_on_its_own_without_a_signal(self, talk: Starter):
         """Without a signal the host does so after a time."""
         host = talk()
         host.until(event="ready")

@@ -118,14 +118,14 @@ def test_what_comes_to_its_teardown_while_its_stacks_are_written_is_not_killed_i
     assert int(signal.SIGKILL) not in child.signals
 
 
-def test_what_has_ended_while_its_stacks_were_written_is_not_told_as_killed(monkeypatch: pytest.MonkeyPatch):
+def test_a_process_that_ends_while_its_stacks_are_written_is_not_killed(monkeypatch: pytest.MonkeyPatch):
     """A process that ends while its stacks are written is reported by its own end."""
     child = Scripted((0.5, PARK), in_dump=(TEARDOWN, End(11)))
     assert stop(child, monkeypatch) == ["the fixture's process ended in teardown(): killed by SIGSEGV"]
     assert stop(Scripted((0.5, PARK), in_dump=(TEARDOWN, DONE, End(0))), monkeypatch) == []
 
 
-def test_teardown_that_ends_late_is_told_and_not_killed(monkeypatch: pytest.MonkeyPatch):
+def test_teardown_that_ends_late_is_reported_and_not_killed(monkeypatch: pytest.MonkeyPatch):
     """A teardown that ends while its stacks are written is reported as late, and not killed."""
     child = Scripted((0.5, TEARDOWN), in_dump=(DONE, End(0)))
     assert stop(child, monkeypatch) == ["teardown() did not come back within 30 s"]

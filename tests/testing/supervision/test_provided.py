@@ -43,7 +43,7 @@ def said(outcome: object) -> list[str]:
     return [event.detail for event in outcome.of(Message) if "sees" in event.detail]  # type: ignore[attr-defined]
 
 
-def test_tests_and_dependents_have_them_and_nobody_else(tmp_path: Path):
+def test_only_tests_and_dependents_have_them(tmp_path: Path):
     """Tests with the fixture and dependent fixtures have its variables, other tests do not."""
     xml = """
     <fixture name="server">server</fixture>

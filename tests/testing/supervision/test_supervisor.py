@@ -532,7 +532,7 @@ class TestTeardown:
             ("stop", "stopped by a signal", None, ""),
         ],
     )
-    def test_is_told_and_the_others_are_torn_down(
+    def test_is_reported_and_the_others_are_torn_down(
         self, lab: Lab, how: str, cause: str, status: int | None, signal_name: str
     ):
         """Teardown goes on in reverse order; each problem is an incident, and the run fails."""
@@ -639,7 +639,7 @@ class TestOwedPark:
         assert lab.calls[-4:] == ["rig setup #3", "rig park #3", "rig park #3", "rig teardown #3"]
         assert len(incidents(outcome, "rig")) == 1
 
-    def test_that_force_forbids_is_told(self, lab: Lab):
+    def test_that_force_forbids_is_reported(self, lab: Lab):
         """An interrupt does not end the back-off, and force does; the omission is an incident."""
 
         def interfere(run: Run) -> None:
@@ -655,7 +655,7 @@ class TestOwedPark:
         assert incident.phase is Phase.TEARDOWN
         assert "rig setup #2" not in lab.calls
 
-    def test_that_force_breaks_off_is_told(self, lab: Lab):
+    def test_that_force_breaks_off_is_reported(self, lab: Lab):
         """Force ends a safe state that is under way, and the omission is an incident."""
         second = on(
             lambda event: isinstance(event, FixtureChanged) and (event.state, event.generation) == (READY, 2), 3
@@ -669,7 +669,7 @@ class TestOwedPark:
             "killed before the end of teardown(), because the run was ended by force",
         ]
 
-    def test_without_restarts_is_told(self, lab: Lab):
+    def test_without_restarts_is_reported(self, lab: Lab):
         """Without restarts the omission is an incident, and the run fails."""
         outcome = lab.run(rig(restarts=0, on_lost="skip") + case(hang="true"))
         causes = [incident.cause for incident in incidents(outcome, "rig")]
@@ -679,14 +679,14 @@ class TestOwedPark:
         ]
         assert outcome.exit_code == ExitCode.FAILURES
 
-    def test_that_does_not_work_is_told(self, lab: Lab):
+    def test_that_does_not_work_is_reported(self, lab: Lab):
         """The incident has the last cause, with the used restarts."""
         outcome = lab.run(rig(restarts=2, times=9, on_park="raise") + case(hang="true"))
         last = incidents(outcome, "rig")[-1].cause
         assert last.startswith("rig did not put back what a test left: ")
         assert last.endswith("enter_safe_state() raised RuntimeError: broken on purpose (2 restarts used up)")
 
-    def test_on_what_does_not_come_up_is_told(self, lab: Lab):
+    def test_on_what_does_not_come_up_is_reported(self, lab: Lab):
         """If a fixture below is not usable, its cause is in the incident."""
         below = fixture("a", on_check="kill", after="b-is-down", restarts=0, on_lost="error")
         above = rig("b", "a", on_check="kill").replace('backoff="0.01"', 'backoff="60"')
@@ -698,7 +698,7 @@ class TestOwedPark:
         last = incidents(outcome, "b")[-1].cause
         assert last.startswith("b did not put back what a test left: fixture a is not usable: ")
 
-    def test_by_what_is_not_there_is_not_told(self, lab: Lab):
+    def test_by_what_is_not_there_is_not_reported(self, lab: Lab):
         """A fixture that occupies nothing has no such incident."""
         outcome = lab.run(fixture(restarts=0, on_check="false", after="test-began") + case(hang="true"))
         assert [incident.cause for incident in incidents(outcome)] == ["check() returned False"]
@@ -730,7 +730,7 @@ class TestChannel:
     """Invalid messages of a fixture's process."""
 
     @pytest.mark.parametrize("how", ["garbage", "foreign"])
-    def test_nonsense_is_told_and_survived(self, lab: Lab, how: str):
+    def test_nonsense_is_reported_and_survived(self, lab: Lab, how: str):
         """Invalid messages are reported as errors, and have no other effect."""
         outcome = lab.run(fixture(on_setup=how) + case())
         said = outcome.of(Message, fixture="fx", severity=Severity.ERROR)
@@ -851,7 +851,9 @@ class TestCommandLine:
             ("on_teardown hang", "ORPHAN_GRACE = 1.5", ["b park", "b teardown", "a park", "a teardown"]),
         ],
     )
-    def test_runner_that_dies_leaves_time_to_park(self, lab: Lab, what: str, patience: str, called: list[str]) -> None:
+    def test_runner_that_dies_leaves_time_for_the_safe_state(
+        self, lab: Lab, what: str, patience: str, called: list[str]
+    ) -> None:
         """Each fixture then has its time; one that hangs is killed, and the next has its turn."""
         hook, how = what.split()
         fixtures = fixture("a") + fixture("b", "a", **{hook: how})
