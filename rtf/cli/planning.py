@@ -123,7 +123,7 @@ def _select(suites: tuple[TestSuite, ...], options: argparse.Namespace) -> tuple
         filters[f"--tags {options.tags!r}"] = selection.tag_filter(options.tags)
     planned = getattr(options, "planned", None)
     if planned is not None and (options.last_failed or options.stepwise):
-        filters["--resume"] = selection.id_filter(planned)  # what has failed last is something else by now
+        filters["--resume"] = selection.id_filter(planned)  # the test that failed has been changed since
     else:
         last = Path(options.runs) / journal.LATEST
         if options.last_failed:

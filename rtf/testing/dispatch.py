@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 #: The variable in the ``param`` of a fixture that is replaced by the number of the copy.
 COPY = "copy"
-#: What fixtures of robots occupy.
+#: The resource that fixtures of robots occupy.
 ROBOT = "robot"
 #: The name of the fixture that starts a robot of its own.
 _SIMULATOR = "simulator"

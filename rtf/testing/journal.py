@@ -49,7 +49,7 @@ _LOOKED_AT = 10
 
 #: Seconds between two turns of the disk. Each costs the run some wake-ups of a thread that competes with it.
 _SYNC_PAUSE = 0.1
-#: After these events what was written is put on the disk; with these a run does something.
+#: After these events the journal is put on the disk; with these a run does something.
 _TO_DISK = frozenset({RunStarted, TestEnded, SuiteEnded})
 _DOES_SOMETHING = frozenset({FixtureChanged, TestStarted, TestEnded})
 _MOST_A_SECOND = 1000

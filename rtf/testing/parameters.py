@@ -140,7 +140,7 @@ class Parameter(Generic[T]):
         return f"list of {noun}s" if self.is_list else noun
 
     def range_text(self) -> str:
-        """What is allowed, for people; empty when everything is."""
+        """The allowed range, for people; empty without one."""
         parts = []
         if self.choices:
             parts.append(" | ".join(map(str, self.choices)))

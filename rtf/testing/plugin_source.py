@@ -120,7 +120,7 @@ _UNREAD = _Elsewhere(is_plugin=None, value=UNCERTAIN)
 
 
 class Source:
-    """A file of Python: its classes in the order of writing, and what it has imported, by name."""
+    """A file of Python: its classes in the order of writing, and its imports, by name."""
 
     def __init__(self, tree: ast.Module) -> None:
         self.imported: dict[str, str] = {}

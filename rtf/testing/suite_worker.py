@@ -158,7 +158,7 @@ class SuiteWorker:
             if last:
                 self._end_suite(suite, duration)
 
-    # What is asked each time something happened in a wait, so that an interrupt is reported at once.
+    # Called after each event of a wait, so that an interrupt is reported at once.
 
     def _use_force(self) -> bool:
         control = self.whole_run.control

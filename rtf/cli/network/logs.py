@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 #: Seconds between two looks for new records.
 _LOOK = 0.1
-#: Records that ``--follow`` shows of what is there already.
+#: Earlier records that ``--follow`` shows.
 _TAIL = 10
 _UNITS = {"K": 1 << 10, "M": 1 << 20, "G": 1 << 30}
 _RED, _YELLOW, _GREEN, _CYAN, _GREY = "31", "33", "32", "36", "90"

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 #: Standard input, from which people type what the carrier ``human`` needs.
 _KEYBOARD = 0
 _KEYWORDS = ("envelope", "envelope2", "once")
-#: Characters that ``trim`` leaves of a message when it is not told how many.
+#: Characters that ``trim`` leaves of a message by default.
 _TRIM = 80
 
 

@@ -208,7 +208,7 @@ def typed(prompt: str = "") -> Iterator[str]:
 
 
 def typed_bottle(text: str) -> Bottle:
-    """Read what was typed. A long vocab is whole for ports of YARP 4; to others its first four letters are sent."""
+    """Read a typed bottle. A long vocab is whole for ports of YARP 4; to others its first four letters are sent."""
     return Bottle.parse(text, dialect=Dialect.YARP4)
 
 

@@ -53,7 +53,7 @@ _LOG = re.compile(r"\[(?:TRACE|DEBUG|INFO|WARNING|ERROR|FATAL)\] ?\|")
 #: The width of the table where the output is no terminal.
 _WIDTH = 160
 _CARRIERS = ("tcp", "fast_tcp", "udp", "mcast", "text", "text_ack", "unix_stream")
-#: What is sent: all that the two versions encode differently, and what they do not.
+#: The messages that are sent: values that the two versions encode differently, and others.
 _MESSAGE = '[set] 3 1.5 (0.25 2.5 3.5) "two words" -7'
 
 

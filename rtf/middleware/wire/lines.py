@@ -68,7 +68,7 @@ class LineSender(Sender):
     """The sending end. ``acknowledgement`` is the line by which a peer acknowledges."""
 
     acknowledgement: ClassVar[bytes] = _ACK
-    #: What is written before each command.
+    #: The prefix of each command.
     prefix: ClassVar[str] = ""
     _reading: Reading[None] | None = None  # a reply of which a part has arrived
     _lines: list[str]

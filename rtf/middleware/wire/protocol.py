@@ -74,7 +74,7 @@ class Receiver(ABC):
             self.acknowledgement = b""
 
     def greeting(self) -> Reading[Caller]:
-        """Read who calls, behind the header. The default is the name of the binary carriers, with a length prefix."""
+        """Read the caller, behind the header. The default is the name of the binary carriers, with a length prefix."""
         return read_caller(self.inbox)
 
     def welcome(self, caller: Caller, number: int) -> bytes:  # noqa: ARG002 - some protocols have none

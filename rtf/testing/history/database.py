@@ -340,7 +340,7 @@ def _connect(path: Path, *, create: bool, read_only: bool) -> sqlite3.Connection
     """Open the file, read-only if it cannot be written, as on a stick or in an archive."""
     mode = "rwc" if create else "rw"
     if read_only:
-        # What is still in the write-ahead log can be read only with files beside it that cannot be made there.
+        # Rows in the write-ahead log can be read only with files beside it, which cannot be made there.
         mode = "ro" if path.with_name(f"{path.name}-wal").exists() else "ro&immutable=1"
     return sqlite3.connect(
         f"{path.absolute().as_uri()}?mode={mode}",
@@ -385,7 +385,7 @@ def _version(connection: sqlite3.Connection) -> int | None:
 
 
 def migrate(connection: sqlite3.Connection, steps: Sequence[Sequence[str]]) -> None:
-    """Bring a file of ours up to the version of the last step. To be called in a transaction that may write."""
+    """Bring a file of RTF up to the version of the last step. To be called in a transaction that may write."""
     done = _version(connection) or 0
     if done >= len(steps):  # another process was faster
         return
@@ -453,7 +453,7 @@ def _attempts(test: TestResult) -> int:
 
 
 def _measurements(events: Iterator[Event], results: RunResult) -> Iterator[MeasurementRow]:
-    tried = {text(test): _attempts(result) for test, result in results.tests.items()}  # a journal has the texts mended
+    tried = {text(test): _attempts(result) for test, result in results.tests.items()}  # a journal has escaped texts
     begun: Counter[str] = Counter()
     repetitions: dict[str, Counter[tuple[str, str]]] = {}  # of the tests that are running
     for event in events:

@@ -100,7 +100,7 @@ class Attempt:
     take_case: Callable[[Case], bool]
     ask: Callable[[Asked, Callable[[str | None, str], None]], None] | None = None
     fixtures: dict[str, int] = field(default_factory=dict)
-    #: Why it was ended from outside: what its process was sent may still be under way when the test is over.
+    #: Why it was ended from outside: a signal to its process may still be under way when the test is over.
     stop: Stop | None = None
     _child: Child = field(init=False)
     _said: Transcript = field(init=False)
@@ -289,7 +289,7 @@ class Attempt:
         """Return the outcome of a process that ended in order, by its messages and then by its claim."""
         said, finished = self._said, self._said.finished
         assert finished is not None
-        if said.failures or said.errors:  # what was received counts, whatever the process claims in the end
+        if said.failures or said.errors:  # received failures count, whatever the process claims in the end
             verdict, reason = (Verdict.FAILED, "failure") if said.failures else (Verdict.ERROR, "error")
             return Outcome(verdict=verdict, reason=reason, detail=finished.detail or said.first)
         if finished.stopped:

@@ -22,7 +22,7 @@ _CHARACTER = 4  # bytes of the longest one in UTF-8
 
 
 class _Stream:
-    """One stream: what has not been handed on yet, and the room for what is handed on as it comes.
+    """One stream: the bytes that have not been handed on yet, and the room for those that are handed on at once.
 
     Once there is no room for a line the stream is ``flooded``: only the last of it is kept, for its end.
     """
@@ -41,7 +41,7 @@ class _Stream:
         self.filled = now
 
     def take_lines(self) -> bytes:
-        """Take what is to be handed on at once: whole lines, or a piece of a very long one, as far as there is room."""
+        """Take the bytes to hand on at once: whole lines, or a piece of a very long one, as far as there is room."""
         cut = self.pending.rfind(b"\n") + 1
         if len(self.pending) - cut > _LINE_LIMIT:
             cut = boundary(self.pending, len(self.pending))
@@ -88,7 +88,7 @@ class Capture:
         self._streams: dict[str, _Stream] = {}
 
     def feed(self, name: str, data: bytes) -> None:
-        """Take what was read from a stream. Whole lines are handed on at once, or a very long one in pieces."""
+        """Take bytes that were read from a stream. Whole lines are handed on at once, or a very long one in pieces."""
         stream = self._streams.get(name)
         if stream is None:
             stream = self._streams[name] = _Stream()
@@ -103,7 +103,7 @@ class Capture:
             stream.trim()
 
     def close(self) -> None:
-        """Hand on what was held back."""
+        """Hand on the bytes that were held back."""
         for name, stream in self._streams.items():
             self._hand_on(name, *stream.take_rest())
         self._streams.clear()
@@ -122,7 +122,7 @@ class Tail:
         self._begun: dict[str, bytes] = {}
 
     def feed(self, stream: str, data: bytes) -> None:
-        """Take what was read from a stream; of a line longer than ``width`` bytes the beginning is kept."""
+        """Take bytes that were read from a stream; of a line longer than ``width`` bytes the beginning is kept."""
         *whole, rest = data.split(b"\n")
         for line in whole:
             self._lines.append((self._begun.pop(stream, b"") + line)[: self._width])

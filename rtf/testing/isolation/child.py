@@ -60,7 +60,7 @@ class End:
 
 
 class Child:
-    """A forked process of ours, from the request for it until nothing of it is left."""
+    """A process forked by the fork server, from the request for it until nothing of it is left."""
 
     def __init__(self, pool: WorkerPool) -> None:
         self.pid = 0  # until it is forked

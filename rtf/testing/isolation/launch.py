@@ -15,7 +15,7 @@ from typing import NoReturn
 
 from rtf.testing.isolation import processes
 
-#: The files of a process of ours beside 0, 1 and 2: its channel, which is the control socket of a fork server, and the
+#: The files of a process of RTF beside 0, 1 and 2: its channel, which is the control socket of a fork server, and the
 #: file for its stacks.
 CHANNEL_FD = 3
 DUMP_FD = 4

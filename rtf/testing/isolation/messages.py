@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from rtf.testing.suite.model import FixtureEntry, TestEntry
 
-#: Asks a test to end, and makes any process of ours write the stacks of its threads into its dump file.
+#: Asks a test to end, and makes any process of RTF write the stacks of its threads into its dump file.
 STOP_SIGNAL = signal.SIGINT
 DUMP_SIGNAL = signal.SIGQUIT
 #: Does nothing but wake a process that was asked to end. The interpreter does not notice a signal that comes between
@@ -39,7 +39,7 @@ STOP_LIMIT = 4.0
 #: The name of a fixture's process meanwhile (at most 15 bytes), which tells its fork server without the runner.
 SAFE_STATE_NAME = "rtf safe state"
 
-#: The exit status of a process of ours that cannot reach its runner any more.
+#: The exit status of a process of RTF that cannot reach its runner any more.
 CUT_OFF = 71
 
 #: No case of a program takes longer, in seconds; a program may write anything.

@@ -1,4 +1,4 @@
-"""Tests that are no classes of ours: programs, and scripts for the C++ framework in Lua or Python.
+"""Tests that are not classes of RTF: programs, and scripts for the C++ framework in Lua or Python.
 
 They declare no parameters and take the suite's ``param`` string as it stands. A ``<parameter>`` element or a ``--set``
 becomes ``--key value`` behind it, where programs that read their arguments from left to right let the last one win.

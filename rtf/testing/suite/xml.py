@@ -135,7 +135,7 @@ class _Surroundings:
 
 
 class _Loader:
-    """Reads one suite and what it includes into one list of fixtures and one list of tests."""
+    """Reads one suite and its includes into one list of fixtures and one list of tests."""
 
     def __init__(self, file: str, variables: Mapping[str, str], problems: DiagnosticLog) -> None:
         self._file = file
