@@ -33,7 +33,7 @@ from rtf.bottle.binary import LARGE_BLOB, decode, decode_from, encode, encode_bl
 RECORDED = json.loads((Path(__file__).parents[1] / "data" / "yarp_wire" / "bottles.json").read_text())
 INT32_MIN, INT32_MAX = -(2**31), 2**31 - 1
 
-#: What the dialects write alike.
+#: Values with the same bytes in both dialects.
 SAME = [
     ("5", "01010000 01000000 05000000"),
     ("1 2 3", "01010000 03000000 01000000 02000000 03000000"),
@@ -57,7 +57,7 @@ REST = (
     "04000000 08000000 6869207468657265 09000000 766f0000 01010000 03000000 01000000 02000000 03000000 "
     "09000000 31000000 0c000000 03000000 0102ff"
 )
-#: Text, what 3 writes, what 4.0 writes.
+#: Text, the bytes of YARP 3, the bytes of YARP 4.0.
 DIFFERENT = [
     ("1.5", "0a010000 01000000 000000000000f83f", "14010000 01000000 000000000000f83f"),
     (

@@ -69,7 +69,7 @@ ODDITIES: dict[str, list[object]] = {
     "f(1 2) x": ["f(1 2)", "x"],
     '(a "b)" c) d': [["a", "b)", "c"], "d"],
     "(1 2)(3 4)": [[1, "2)(3", 4]],
-    # What is never closed is dropped, with all that follows it.
+    # An unclosed list or quote is dropped, with all that follows it.
     "1 (2 3": [1],
     '1 "2 3': [1],
     "1 {2 3": [1],

@@ -31,12 +31,12 @@ FLAGS = (
     "--disable-component-update",
     "--disable-dev-shm-usage",
 )
-#: Generous, for a machine that does much else; nothing here measures time.
+#: Generous, for a busy machine; no test here measures time.
 PATIENCE = 30_000
 DESKTOP = {"width": 1366, "height": 768}
-#: What a page may ask for without a network.
+#: URLs that a page may request without a network.
 INSIDE = frozenset({"data", "blob", "about"})
-#: Chromium's word for what cannot be reached; expected only where a test takes the network away.
+#: Chromium's message about an unreachable server; expected only where a test takes the network away.
 UNREACHABLE = re.compile(r"net::ERR_|Failed to load resource|Failed to fetch")
 
 expect.set_options(timeout=PATIENCE)
@@ -63,7 +63,7 @@ class Visit:
     page: Page
     context: BrowserContext
     complaints: list[str] = field(default_factory=list)
-    #: What may be complained of: the test itself took the network away.
+    #: Messages that are expected, because the test itself took the network away.
     expected: re.Pattern[str] | None = None
 
     def unexpected(self) -> list[str]:

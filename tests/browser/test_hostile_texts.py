@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
     from rtf.testing.events import Event
 
-#: The files that hostile paths name are not there, and a browser says so.
+#: The browser's messages about the files of hostile paths, which do not exist.
 MISSING = re.compile(r"Failed to load resource.*(status of 40[04]|net::ERR_)")
 
 VIEWS = ("#", "#~measurements", "#~fixtures", "#~log", "#~environment")
 
-#: What no page of ours has, so that it can only come from a text; pictures are counted apart.
+#: Elements that RTF's page does not have, so that they can only come from a text; pictures are counted apart.
 _INJECTED = """() => {
   const found = [...document.querySelectorAll(
     "body script, iframe, object, embed, base, body style, body link, body meta, body svg script, [srcdoc]")];

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from playwright.sync_api import Page
 
-#: A test that says what it is told to say, and one after it.
+#: A test that emits given messages, and one after it.
 SAYING = '<test name="say" fixtures="">say.py</test><test name="after" fixtures="">flaky.py</test>'
 
 

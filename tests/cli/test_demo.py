@@ -15,7 +15,7 @@ from rtf.bottle import Dialect
 from rtf.cli.demo import BATTERY, YARP4_SHARE, battery_suites
 
 ROOT = Path(__file__).parents[2]
-#: A test whose run the demonstration finds, and compares itself with.
+#: The test that the demonstration is compared with.
 BEFORE = """
 from rtf.testing import TestCase
 

@@ -335,8 +335,8 @@ class TestSignals:
         program.until("cal custom (name interrupt31)")
         program.send(signal.SIGINT)
         assert program.end() == 1
-        # Calibrators are told to stop in threads of their own, which are not waited for longer than two seconds: the
-        # parking twice, and the calibration of the second interrupt if it has not ended when the third one comes.
+        # Calibrators are aborted in threads of their own, each of which is awaited two seconds at most: the parking
+        # twice, and the calibration of the second interrupt if it has not ended when the third one comes.
         assert program.calls.count("cal abort") in (2, 3)
         done = [call for call in program.calls if call != "cal abort"]
         assert done[-4:] == ["stub detach", "cal close", "stub close", "board close"]

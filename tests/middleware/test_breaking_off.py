@@ -37,7 +37,7 @@ def break_off() -> Iterator[Callable[[], None]]:
     def tell_until_raised() -> None:
         main = threading.main_thread().ident
         assert main is not None
-        while not raised.is_set():  # one that comes just before the kernel waits wakes up nobody
+        while not raised.is_set():  # a signal that comes just before the wait in the kernel does not wake it
             signal.pthread_kill(main, signal.SIGUSR1)
             raised.wait(0.02)
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rtf.middleware.ports.network import Network
     from rtf.middleware.wire.incoming_message import IncomingMessage
 
-#: Seconds that sources have together, and as many again for a machine that is busy.
+#: Seconds that all sources together may take, and the addition for a busy machine.
 _PATIENCE = 1.0
 _BUSY = 1.0
 

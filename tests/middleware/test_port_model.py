@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 PLAIN, STRICT, NEWEST = "plain", "strict", "newest"
 WRITERS = ("/writer/0", "/writer/1")
 CARRIERS = st.sampled_from(["tcp", "local"])
-#: Seconds for what comes at once.
+#: Seconds for a message that should come at once.
 SOON = 5.0
 
 
@@ -51,7 +51,7 @@ class Model:
     interrupted: bool = False
     closed: bool = False
     dropped: int = 0
-    #: What can be read: of a plain port with the writers that wait for it, of a buffered one without.
+    #: The messages that can be read: of a plain port with the writers that wait for them, of a buffered one without.
     queue: list[tuple[str, int]] = field(default_factory=list)
 
     @property

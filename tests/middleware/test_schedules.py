@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from schedules import Control
 
 MODULES = (port, buffered, outputs, message_handoff, sender, local)
-#: What ports and their parts look at without a lock.
+#: The attributes that ports and their parts read without a lock.
 SHARED = {Port: ("interrupted", "_closed", "_outputs"), BufferedPort: ("_ended", "_queue")}
 
 

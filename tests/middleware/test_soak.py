@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rtf.middleware.wire.contact import Contact
 
 SECONDS = float(os.environ.get("RTF_SOAK", "3"))
-#: What a process may take more at the end than after its first half second, in bytes.
+#: The memory in bytes that a process may have gained between its first half second and its end.
 _GROWTH = 3 << 20
 _RATE_TOLERANCE = 0.05
 _COMMON = """

@@ -12,7 +12,7 @@ from rtf.middleware.naming.configuration import find_network
 find_network({"YARP_CONFIG_HOME": sys.argv[1]})
 print(*sys.modules)
 """
-#: What takes long and is of use to others: interfaces and keys, the keepers of names, ports and their types.
+#: Modules whose import takes long, and which only some programs need: interfaces, keys, names, ports, types.
 _LATER = {
     "hmac",
     "numpy",

@@ -27,7 +27,7 @@ with NameServer("{_NEAR}", 10000):
     print("ready", flush=True)
     sys.stdin.read()
 """
-#: A program that does what it is told, a line each, and answers in JSON.
+#: A program that executes commands, one per line, and answers in JSON.
 _PROGRAM = f"""
 import json, sys, threading
 from rtf import clock

@@ -19,7 +19,7 @@ from rtf import clock
 if TYPE_CHECKING:
     from live_page import LiveRun
 
-#: What would tell of the server's own code; the run's journal, which everybody may read, has none of it.
+#: Texts that would reveal the server's own code; the run's journal, which any client may read, has none of them.
 TELLTALE = (b"Traceback", b'File "', b"site-packages", b"rtf/page", b"starlette", b"uvicorn", b"Error:")
 
 

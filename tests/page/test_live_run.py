@@ -124,7 +124,7 @@ def follow_restlessly(page: Page, seed: int) -> list[dict[str, Any]]:
 
 def test_each_client_gets_each_line_once(folder: Path):
     """Clients that stay, come late, or reconnect all get the whole journal once."""
-    run = LiveRun(folder, "-s", "talking.xml", "--no-output", "--web-keep")  # who is away when it ends may come back
+    run = LiveRun(folder, "-s", "talking.xml", "--no-output", "--web-keep")  # a client may come back after the end
     with ThreadPoolExecutor(12) as pool:
         staying = [pool.submit(follow_to_end, run.page) for _ in range(3)]
         restless = [pool.submit(follow_restlessly, run.page, seed) for seed in range(8)]

@@ -37,7 +37,7 @@ def test_the_numbers_follow_the_run(tmp_path: Path):
             line = json.dumps(record | more)
             stream.write(line[:10])
             stream.flush()
-            status.read()  # half a line says nothing
+            status.read()  # an incomplete line is ignored
             stream.write(line[10:] + "\n")
             stream.flush()
             assert status.read() == {"name": name, "testStatus": numbers}

@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from rtf.testing.events import Event
     from rtf.testing.results import RunResult
 
-#: Entry points are not looked at, so that the plug-in is there once, installed or not.
+#: Entry points are not loaded, so that the plug-in is there once, installed or not.
 ALONE = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "NO_COLOR": "1", "COLUMNS": "160"}
 PLUGINS = ("-p", "rtf.pytest_plugin", "-p", "no:cacheprovider")
 
-#: A plug-in file with a class for most of what a test can come to; a test is told by its parameter what to do.
+#: A plug-in file with a class for most verdicts of a test; a parameter selects what a test does.
 TESTS = '''
 import threading
 from pathlib import Path
@@ -88,7 +88,7 @@ class Raises(TestCase):
         raise KeyError("arm")
 '''
 
-#: A fixture that leaves a trace of its life in a log, and goes down, or does not come up, when told.
+#: A fixture that logs its calls, and collapses, or does not come up, on request.
 ROBOT = '''
 from pathlib import Path
 from rtf.testing import FixtureManager

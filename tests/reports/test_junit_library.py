@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 junit_xml = pytest.importorskip("junit_xml")
 
 TEXT = 'a <b> & "c" ]]> é\n'
-#: What the library writes and we do not: nobody reads it, or (``disabled``) it counts what we count as skipped.
+#: Attributes that only the library writes: they have no reader, or (``disabled``) RTF counts them as skipped.
 LEFT_OUT = {"disabled"}
 
 

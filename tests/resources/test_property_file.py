@@ -259,7 +259,7 @@ def test_impossible_names(tmp_path: Path, name: str):
 def test_unreadable_files():
     """A file that cannot be read raises ResourceReadError, which is an OSError."""
     with pytest.raises(ResourceReadError, match="cannot read /proc/self/mem: ") as caught:
-        read("/proc/self/mem")  # anybody may open it, and nobody can read where it begins
+        read("/proc/self/mem")  # it can be opened, but not be read at its beginning
     assert isinstance(caught.value, OSError)
 
 

@@ -61,7 +61,7 @@ from rtf.robot.interfaces import (
 #: A mode that a joint can be in, as its user can bring it there.
 _REACHABLE = (*USER_MODES, ControlMode.IDLE, ControlMode.HARDWARE_FAULT)
 _NEVER_REQUESTED = tuple(mode for mode in ControlMode if mode not in REQUESTS)
-#: Methods that choose axes, with the values that go with them, for what must be refused.
+#: Methods that select axes, with their values, for arguments that must be refused.
 _READING = (
     (IEncoders, "encoders"),
     (IEncoders, "encoder_speeds"),
@@ -91,7 +91,7 @@ _WRITING = (
     (IPositionControl, "set_reference_accelerations"),
     (IEncoders, "set_encoders"),
 )
-#: What is streamed has no answer by which a board at the other end of a network could refuse it; a stub itself does.
+#: Streamed commands have no answer by which a remote board could refuse them; a stub itself does.
 _STREAMED = (
     (IVelocityControl, "velocity_move"),
     (IPositionDirect, "set_positions"),
@@ -110,7 +110,7 @@ _KEPT = (
     (IAmplifierControl, "pwm_limit", "set_pwm_limit"),
     (IImpedanceControl, "impedance_offset", "set_impedance_offset"),
 )
-#: Modes that give back what was asked for, and how to ask.
+#: Modes whose setpoints can be read back, with the methods that set and read them.
 _REFERENCES = (
     (ControlMode.TORQUE, ITorqueControl, "set_reference_torques", "reference_torques"),
     (ControlMode.CURRENT, ICurrentControl, "set_reference_currents", "reference_currents"),
@@ -123,13 +123,13 @@ _REFERENCES = (
 class ControlBoardContract:
     """The tests. The joints 0 and 1 must be free to move ``WAY`` deg either way from the middle of their limits."""
 
-    #: How exactly joints come to where they are told (deg), and how fast they are told to (deg/s).
+    #: How exactly joints reach their targets (deg), and the speed of their moves (deg/s).
     TOLERANCE: ClassVar[float] = 0.5
     SPEED: ClassVar[float] = 20.0
     WAY: ClassVar[float] = 5.0
     #: A small reference for each mode, which moves nothing far.
     SMALL: ClassVar[float] = 0.25
-    #: Interfaces that this kind of board has not got.
+    #: Interfaces that this kind of board lacks.
     LACKING: ClassVar[tuple[type[Any], ...]] = ()
     #: Methods of measurements that it does not have, though it has their interfaces.
     UNMEASURED: ClassVar[frozenset[str]] = frozenset()

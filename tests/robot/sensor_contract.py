@@ -9,7 +9,7 @@ from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import IMultipleAnalogSensors, SensorCategory, SensorInfo, SensorStatus
 from waiting import eventually
 
-#: How many values a sensor of a category gives; the others give as many as they have elements.
+#: The number of values of a sensor, by category; sensors of other categories have one value for each element.
 VALUES = dict.fromkeys(SensorCategory, 3) | {SensorCategory.TEMPERATURE: 1, SensorCategory.FORCE_TORQUE: 6}
 ARRAYS = (SensorCategory.CONTACT_LOAD_CELLS, SensorCategory.ENCODER_ARRAY, SensorCategory.SKIN_PATCH)
 

@@ -22,7 +22,7 @@ from rtf.robot.control_modes import (
 
 _STARTING = ("cfgn", "cfgy", "cal", "cald")
 _USER = ("pos", "posd", "vel", "mix", "torq", "icur", "ipwm")
-#: What the impedance modes of old stand for.
+#: The meaning of the old impedance modes.
 _OLD = {"impo": "pos", "imve": "vel"}
 
 

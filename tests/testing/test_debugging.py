@@ -69,7 +69,7 @@ class Terminal:
     def end(self) -> int:
         """Wait for the end, and return the exit code."""
         deadline = clock.Deadline.after(30.0)
-        with contextlib.suppress(OSError):  # nobody has the terminal any more
+        with contextlib.suppress(OSError):  # no process has the terminal any more
             while not deadline.expired:
                 if select.select([self._master], [], [], 0.1)[0]:
                     self.seen += os.read(self._master, 4096).decode(errors="replace")

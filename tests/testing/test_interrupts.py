@@ -403,7 +403,7 @@ def test_interrupt_before_the_run_has_begun(scene: Scene, delay: float):
     clock.sleep(delay)
     command.signal()
     outcome = command.wait()
-    # Python itself is interrupted before our first line; in a callback of its imports it says so and goes on.
+    # Python is interrupted before RTF's first line; in a callback of an import it prints that and goes on.
     dropped = outcome.stderr.startswith("Exception ignored in: ") and "KeyboardInterrupt" in outcome.stderr
     assert outcome.exit_code in ((0,) if dropped else (2, 1, -signal.SIGINT, 130))
     assert "rtf/testing/runner.py" not in outcome.stderr

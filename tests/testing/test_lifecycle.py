@@ -62,7 +62,7 @@ class Row:
 FAILURE, ERROR = Severity.FAILURE, Severity.ERROR
 RAISED = "asserts failure with exception"
 ROWS = {
-    # The C++ framework's rows (rtf.md 3.1)
+    # The C++ framework's rules
     "setup returns false": Row(
         Verdict.ERROR, setup="return False", done="setup teardown clean", messages=((ERROR, "setup() failed!", ""),)
     ),
@@ -106,7 +106,7 @@ ROWS = {
     ),
     "it aborts": Row(Verdict.ERROR, run="os.abort()", done="setup run", reason="crash"),
     "it segfaults": Row(Verdict.ERROR, run="ctypes.string_at(0)", done="setup run", reason="crash"),
-    # Ours
+    # Rules of RTF alone
     "everything is fine": Row(Verdict.PASSED, run="self.check(True, 'x')"),
     "a plain assert": Row(Verdict.FAILED, run="assert 1 == 2, 'x'", messages=((FAILURE, RAISED, "x"),)),
     "it is skipped": Row(Verdict.SKIPPED, run="self.skip('x')"),
@@ -483,7 +483,7 @@ def test_time_out_of_a_fixture(tmp_path: Path):
     assert outcome.exit_code == ExitCode.FIXTURE
 
 
-# Suites and their fixtures (rtf.md 3.2) ------------------------------------------------------------------------------
+# Suites and their fixtures -------------------------------------------------------------------------------------------
 
 
 def rig(name: str = "", *, setup: str = "pass", check: str = "pass", teardown: str = "pass") -> str:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from rtf.testing.events import Event
 
-#: What compares a value with a lower and an upper limit, in a unit; a test fails when the value is not within them.
+#: Calls that compare a value with a lower and an upper limit, in a unit; a test fails when the value is outside.
 Comparison = Callable[[TestCase, float, float, float, str], object]
 
 NUMBERS = st.floats(allow_nan=False) | st.integers(-1000, 1000).map(float)

@@ -168,7 +168,7 @@ class Terminal:
 
     def close(self) -> int:
         """Read to the end, and return the exit code."""
-        with contextlib.suppress(OSError):  # nobody holds the other end any more
+        with contextlib.suppress(OSError):  # no process holds the other end any more
             while data := os.read(self._end, 65536):
                 self.shown += data.decode()
         os.close(self._end)

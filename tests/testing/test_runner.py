@@ -573,7 +573,7 @@ def test_isolation_none_is_the_runners_own_process(tmp_path: Path):
     assert "takes the run with it" in outcome.stderr
 
 
-# When something of ours breaks ---------------------------------------------------------------------------------------
+# When a part of RTF breaks --------------------------------------------------------------------------------------------
 
 
 def test_fork_server_that_cannot_be_had_is_an_error_of_the_test(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

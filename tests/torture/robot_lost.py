@@ -34,21 +34,21 @@ if TYPE_CHECKING:
 
     from rtf.testing.events import Event
 
-#: The same as in suites/icubSim/robot.xml, where a bench asks for nothing else.
+#: The beginning of a suite, with the defaults of suites/icubSim/robot.xml.
 _HEAD = """<suite name="s" on-lost="error">
 <fixture name="names"> yarpserver </fixture>
 <fixture name="robot" depends="names" {attributes}> {parameters} simulator </fixture>
 """
-#: Answers as a machine would that is slow to answer: a test of machines has something to wait for.
+#: Answers slowly, so that a test of machines has something to wait for.
 _SSH = "#!/bin/sh\nsleep 0.3\necho 8388608\n"
-#: What comes after each strike. It moves a part, has all its joints in several modes, and is soon done.
+#: The test after each strike. It moves a part, brings its joints into several modes, and is short.
 _NEXT = '<parameter name="part">head</parameter> MovementReferencesTest'
 _ROBOT = "robot"
 #: Seconds: the longest that a test may take, that a strike of slowness lasts, and that one turn of it lasts.
 _LIMIT, _SLOW, _STOPPED, _GOING = 300.0, 3.0, 0.4, 0.1
-#: Which part of a test's time is over at the latest when a strike falls; one that missed is tried with the next.
+#: The greatest part of a test's time before a strike; one that missed is tried again with the next part.
 REACHES = (0.9, 0.4, 0.1)
-#: Factor of the machine's clock at which the time of the robot passes while it is slow.
+#: The real-time factor of a slow robot.
 _FACTOR = 0.2
 #: The runner asks a fixture at this period (s), which then has this long (s) to answer, as in robot.xml.
 _NOTICED = 0.5 + 2.0
@@ -203,7 +203,7 @@ def stutter(follower: Follower, test: str) -> None:
 
 
 STRIKES = {strike.__name__: strike for strike in (kill, freeze, slow, stutter)}
-#: After these there is no robot any more.
+#: Strikes after which the robot is lost.
 DEADLY = frozenset({"kill", "freeze"})
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 _SUITES = Path(__file__).parents[2] / "suites" / "icubSim"
-#: Verdicts that say nothing against the robot.
+#: Verdicts that are no alarm.
 _SILENT = (Verdict.PASSED, Verdict.MEASURED, Verdict.SKIPPED, Verdict.INCONCLUSIVE)
 _BUSY = "while True: sum(range(10000))"
 

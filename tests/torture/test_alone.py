@@ -39,7 +39,7 @@ pytestmark = [
     pytest.mark.skipif(not (find_spec("mujoco") and find_spec("icub_models")), reason="needs pip install 'rtf[sim]'"),
 ]
 
-#: Slowly, so that a joint is on its way for many seconds. The fault does nothing but be there.
+#: A slow test, so that a joint moves for many seconds. The fault has no effect but must be removed.
 TEST = ("--test", "JointLimits", "--set", "part=torso", "--set", "speed=5", "--set", "inject=encoder_bias neck_yaw")
 _FAR, _NEAR = 10.0, 2.0  # deg
 _LIMIT = 120.0

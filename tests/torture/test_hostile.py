@@ -416,7 +416,7 @@ PHASES = {
         detail="wrong; then: run() did not end within 0.3 s",
     ),
 }
-#: What must be heard although something went wrong before it.
+#: Output that must be there although something went wrong before it.
 STILL_DONE = {
     "raises in setup": ["down"],
     "raises in teardown": ["clean"],

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 DATA = Path(__file__).parents[2] / "data" / "yarp_wire"
 
-#: What was run while the console was recorded.
+#: The commands of the recorded console.
 RECORDED_COMMANDS = (
     "where",
     "name list",
@@ -33,8 +33,8 @@ RECORDED_COMMANDS = (
     "detect",
     "clean --timeout 0.3",
 )
-#: What is not printed here: hints, which only a terminal gets; an address for browsers, which there is none of; and
-#: that the server could not be pinged while it was recorded.
+#: Recorded lines that are not printed here: hints, which only a terminal gets; an address for browsers, which does
+#: not exist; and that the server could not be pinged while it was recorded.
 LEFT_OUT = (
     "Looking for name server on ",
     "Checking for name server at ",

@@ -70,7 +70,7 @@ class TestServer:
             asked = b"".join(moved(said, server) for way, said in segments if way == ">")
             expected = b"".join(moved(said, server) for way, said in segments if way == "<")
             if asked == b"ping\n":
-                continue  # it is no carrier: the recorded client left before it was told so
+                continue  # it is no carrier: the recorded client left before the refusal
             assert say(server.contact, asked) == expected
 
     @pytest.mark.parametrize("version", _VERSIONS)

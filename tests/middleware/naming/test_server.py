@@ -290,7 +290,7 @@ class TestByItself:
             with Port("/a", network=network):
                 pass
             wait_until(lambda: '[del] "/a"' in heard, f"heard {heard}")
-            # A number that is handed out may be somebody else's on this machine: then the port registers once more.
+            # A number that is assigned may be in use on this machine: then the port registers once more.
             assert [*dict.fromkeys(heard)] == ['[add] "/a"', '[del] "/a"']
 
     def test_connects_ports_whenever_both_are_there(

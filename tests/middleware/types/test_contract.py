@@ -43,7 +43,7 @@ class CodecContract:
     values: ClassVar[list[Any]]
     #: Whether ``codec_of`` finds it for each of the objects.
     is_found: ClassVar[bool] = True
-    #: Whether its bytes are a bottle, so that others can tell where they end.
+    #: Whether its bytes are a bottle, so that other programs find their end.
     is_bottle = True
 
     def bytes_of(self, value: object, dialect: Dialect) -> bytes:

@@ -16,7 +16,7 @@ from rtf.middleware.types.codecs import codec_of
 from rtf.middleware.types.pixels import pixel_format
 
 THREE, FOUR = Dialect.YARP3, Dialect.YARP4
-#: What cameras of 3.12 and 4.0 sent in front of 320 x 240 pixels.
+#: The headers that cameras of YARP 3.12 and 4.0 sent before 320 x 240 pixels.
 CAMERA = {
     THREE: "000100000400000009000000 6d617400 09000000 72676200 0101000005000000"
     "03000000 00840300 08000100 40010000 f0000000 0c000000 00840300",

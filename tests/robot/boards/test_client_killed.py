@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 CARRIERS = ("tcp", "fast_tcp", "udp")
-#: What is there already when a board is to be started: each is a fork of it.
+#: The program from which each board is forked.
 SERVERS = """
 import os, select, sys
 from rtf import clock

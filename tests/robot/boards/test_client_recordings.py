@@ -32,9 +32,9 @@ if TYPE_CHECKING:
 
 RECORDED = recordings("3.12.3", "board_clients.json")
 BOARD = "/icubSim/head"
-#: What a question begins with.
+#: The beginning of a request.
 ASKED = b"~d\0\1"
-#: Questions of the recordings by their words, and the calls that they stand for.
+#: Requests of the recordings by their words, and the calls that they stand for.
 CALLS: dict[str, Callable[[RemoteControlBoard, Bottle], object]] = {
     "[get] [pid] [pid]": lambda board, arguments: board.pid(PidType(arguments[0].value), arguments[1]),
     "[set] [pid] [pid]": lambda board, arguments: board.set_pid(

@@ -35,7 +35,7 @@ ARM = (
     "(GENERAL (Joints 16)) (LIMITS (Max (10 160 80 105 90 10 40 60 90 180 90 180 90 180 90 270))"
     " (Min (-95 0 -37 15 -90 -80 -20 0 0 0 0 0 0 0 0 0)))"
 )
-#: Where ours says something else on purpose: the question, what the recorded board said, what ours says, and why.
+#: Intended differences: the request, the answer of the recorded board, the answer of our board, and the reason.
 ELSE = {
     "[get] [don] 0": (
         "[is] [don] 0",

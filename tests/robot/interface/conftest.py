@@ -32,7 +32,7 @@ def network() -> Iterator[Network]:
     eventually(lambda: open_descriptors() <= descriptors, "a descriptor is left")
 
 
-#: For robots with a device that hangs, which is noticed soon; all others have the time of a busy machine.
+#: Short timeouts for robots with a device that hangs; all others have timeouts for a busy machine.
 _SHORT = Patience(open=1.0, close=1.0, action=1.0, move=20.0, abort=1.0, grace=1.0, hurry=1.0)
 _LONG = Patience(open=30.0, close=30.0, action=30.0, move=30.0, abort=30.0, grace=30.0, hurry=30.0)
 

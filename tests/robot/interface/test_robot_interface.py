@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     Start = Callable[[RobotInterface], Running]
 
-#: What a device that does not work is told to do, and what is said of it.
+#: The scripted failures of a device, and the message about each.
 BROKEN = {
     "fail": "as it was told to",
     "throw": "ValueError: as it was told to",
@@ -293,7 +293,7 @@ class TestStopRequests:
         running.interface.quit()
         eventually(lambda: "cal park one" in bench.calls, "it does not park")
         assert (running.interface.phase, running.interface.level) == (Phase.SHUTDOWN, 1)
-        running.interface.quit()  # a question is no second signal
+        running.interface.quit()  # a request is no second signal
         running.interface.interrupt()
         outcome = running.end()
         assert outcome.ready

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from rtf.middleware.ports.network import Network
 
-#: How the recorded program's port begins to answer: with its number, 10002.
+#: The beginning of the recorded port's answers: its number, 10002.
 _PORT = framing.yarp_number(10002)
 CONVERSATIONS = [
     (version, number)

@@ -120,7 +120,7 @@ def test_from_start_to_end(program: Program):
 def _reads(sensors: AnalogSensorsClient) -> bool:
     try:
         return sensors.read_sensor(SensorCategory.FORCE_TORQUE, 0).values.shape == (6,)
-    except StaleStateError:  # nothing has come yet
+    except StaleStateError:  # no message has come yet
         return False
 
 

@@ -32,14 +32,14 @@ if TYPE_CHECKING:
     from rtf.middleware.wire.contact import Contact
 
 RECORDED = {version: recordings(version, "sensors.json") for version in VERSIONS}
-#: Questions to cameras. To two words that it does not know YARP 4 gives no reply, we [fail].
+#: Requests to cameras. YARP 4 gives no reply to two unknown words; our camera replies [fail].
 QUESTIONS = [
     (version, talk)
     for version in VERSIONS
     for talk in RECORDED[version]["camera_questions"]
     if b"get\0widt".hex() not in talk[2][1] or version == "3.12.3"
 ]
-#: The bytes of the three words before an image that is asked for.
+#: The bytes of the three words before a requested image.
 _WORDS = 32
 _GREETING = 8  # bytes of the number that a port answers first
 

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 NAME = "/bot/rgbd"
 PORT = f"{NAME}/rpc:i"
 SMALL = {"width": 8, "height": 4, "near": 0.2, "far": 6.0, "accuracy": 0.001}
-#: What the recorded cameras say of themselves, beside that. They have no field of view in YARP 3.12.3.
+#: Further properties of the recorded cameras. They have no field of view in YARP 3.12.3.
 RECORDED = Intrinsics(512.0, 512.0, 235.0, 231.0)
 
 

@@ -19,7 +19,7 @@ from rtf.robot.yarp3.table import COMMANDS, FAMILIES, TOPICS
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 WHOLE = st.integers(-(2**31), 2**31 - 1)
-#: Kinds, what a device gives, and what reading makes of it again.
+#: Kinds, the values of a device, and the decoded values.
 SAME = (
     (kinds.FLOAT, NUMBERS),
     (kinds.INT, WHOLE),

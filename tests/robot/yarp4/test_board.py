@@ -65,7 +65,7 @@ if TYPE_CHECKING:
     from rtf.robot.device import Device
 
 PART = "/robot/arm"
-#: The port of the board's service in the recordings, as it is told to anyone who connects.
+#: The port of the board's service in the recordings, as each connecting client is told.
 RECORDED_PORT = 10008
 
 
@@ -274,7 +274,7 @@ def some(of: st.SearchStrategy[Any]) -> st.SearchStrategy[list[Any]]:
     return st.lists(of, max_size=5)
 
 
-#: What values of the kinds may be.
+#: Possible values of each kind.
 VALUES: tuple[tuple[Kind, st.SearchStrategy[Any]], ...] = (
     (kinds.AXIS, st.integers(-(2**31), 2**31 - 1)),
     (kinds.AXIS16, st.integers(-(2**15), 2**15 - 1)),
@@ -426,7 +426,7 @@ def test_what_is_no_number_moves_nothing(network: Network):
         assert service.answer(question) is ReturnValue.METHOD_FAILED
 
 
-# Whatever a peer says -------------------------------------------------------------------------------------------------
+# Any messages of a peer -----------------------------------------------------------------------------------------------
 
 WORDS = st.recursive(
     st.one_of(

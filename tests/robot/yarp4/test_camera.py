@@ -35,7 +35,7 @@ FAILED = "09010000010000006661696c"
 RECORDED: list[list[str]] = recordings("4.0.0", "camera_service.json")["answers"]
 #: The head of an answer with an image, up to the pixels: the code, and the header of the image.
 IMAGE_HEAD = 24 + 60
-#: What the recorded camera answers because its driver is a stub: it accepts anything, and denies what it has.
+#: Answers of the recorded camera that come from its driver, a stub: it accepts anything, and denies what it has.
 _OF_ITS_DRIVER = ("Supported", "Intrinsic", "setRgbFOV", "setRgbRes", " 99", " 9", "Feature2", "has", "Push", "DC1394")
 
 

@@ -151,7 +151,7 @@ class Lab:
         """Return the files of the fixtures and the test."""
         folder = repr(str(self.folder))
         text = FIXTURE.replace("FOLDER", folder)
-        # A lab's own kind of a fixture: how it parks is another's.
+        # A lab's own kind of fixture, with its own safe state.
         rig = f'{text.replace("class Fx(", "class Fx_(")}\nclass Rig(Fx_):\n    occupies = "rig"\n'
         return {"fx__py": text, "rig__py": rig, "t__py": TESTS.replace("FOLDER", folder)}
 
