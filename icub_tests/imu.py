@@ -17,6 +17,7 @@ from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.judging.kinematics import rotation_of, rotation_vector
 from rtf.robot_testing.judging.orientations import each_once, sure_turn, turns_of, vertical_turn
 from rtf.robot_testing.judging.robot_description import read_description
+from rtf.robot_testing.judging.vector_channels import Bounds, judge_channels
 from rtf.robot_testing.motion.start_position import late_joints
 from rtf.robot_testing.robot_name import robot_model
 from rtf.robot_testing.slides import in_metres, in_units
@@ -40,6 +41,9 @@ _HOMING_SPEED = 20.0
 #: Rotations are compared over windows of this number of messages; below this rate (deg/s) a unit is at rest.
 _WINDOW, _AT_REST = 10, 0.5
 _FEWEST_AT_REST = 20
+#: Errors of a window's mean that are no finding: twice the jitter of stamps, 5 ms at an acceleration of 100 deg/s², and
+#: the offsets of accelerometers; and how many of them a quantity has to vary by for its gain to be known.
+_RATE_ERROR, _ACCELERATION_ERROR, _KNOWN = 1.0, 0.15, 4.0
 _ANY_TURN = 180.0  # deg: with a wider interval the orientation of a unit is unknown
 
 
@@ -96,6 +100,8 @@ class Imu(StreamTest):
     max_rate_error = Parameter(float, "rms error of the angular velocity", unit="deg/s", default=3.0, low=0.0)
     # The units are ten times more accurate; the zeros of the joints that carry them are accurate to a degree.
     max_turn = Parameter(float, "misalignment of a unit (lower confidence bound)", unit="deg", default=3.0, low=0.0)
+    # Data sheets of such units have scales within 3 %, and misalignments of two degrees.
+    gain = Parameter(float, "greatest error of the gain along an axis", default=0.1, low=0.01)
     gravity_tolerance = Parameter(float, "tolerance of gravity about 9.81", unit="m/s^2", default=0.5, low=0.0)
 
     def setup(self) -> None:
@@ -276,6 +282,8 @@ class Imu(StreamTest):
         expected, found = [], []
         if felt.speeds is not None:
             rates = self._judge_rates(felt.times, felt.speeds, turning)
+            each, bounds = slice(None, None, _WINDOW), Bounds(self.gain, _RATE_ERROR, _KNOWN)
+            judge_channels(self, unit.name, "angular velocity", "deg/s", rates[each], turning[each], bounds)
             expected.append(turning[fast > _AT_REST])
             found.append(rates[fast > _AT_REST])
         if felt.accelerations is not None:
@@ -341,6 +349,8 @@ class Imu(StreamTest):
         low, high = _GRAVITY - self.gravity_tolerance, _GRAVITY + self.gravity_tolerance
         hint = f"{unit.name} measures {mean:.2f} m/s^2 at rest; {likely_causes('offset')}"
         self.measure("gravity", mean, "m/s^2", low, high, hint=hint)
+        bounds = Bounds(self.gain, _ACCELERATION_ERROR, _KNOWN)
+        judge_channels(self, unit.name, "acceleration", "m/s^2", found, _GRAVITY * up, bounds)
         return up, found / np.maximum(size, 1e-9)[:, None]
 
     def _off(self, name: str, value: float, symbol: str, high: float) -> None:

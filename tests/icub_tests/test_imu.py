@@ -33,6 +33,7 @@ def outcome(run_on_robot, tmp_path_factory):
             case("turned", "imu_rotated imu angle=20"),
             case("a-little", "imu_rotated imu angle=5"),
             case("frozen", "imu_frozen imu"),
+            case("gain", "gyroscope_gain imu factor=0.85"),
             case("stuck", "jam neck_yaw"),
             case("model", model=model),
             case("unknown", sensors="(head_imu_7)"),
@@ -53,6 +54,22 @@ def test_a_healthy_unit_agrees_with_the_joints(outcome, measured):
         ("turn of its mounting", 0.1),
     ):
         assert measured(outcome, "healthy", name)[0].value < most
+
+
+def test_a_wrong_gain_is_told_for_each_axis(outcome, measured):
+    """That of the gyroscope, about each axis about which the neck turns; the accelerometer is right."""
+    assert outcome.verdict("gain") is Verdict.FAILED
+    for axis in "xyz":
+        (healthy,) = measured(outcome, "healthy", f"gain of angular velocity {axis}")
+        assert healthy.value == pytest.approx(1.0, abs=0.01)
+    assert {
+        round(one.value, 2) for axis in "xyz" for one in measured(outcome, "gain", f"gain of angular velocity {axis}")
+    } == {0.85}
+    assert all(
+        one.value == pytest.approx(1.0, abs=0.02)
+        for axis in "xyz"
+        for one in measured(outcome, "gain", f"gain of acceleration {axis}")
+    )
 
 
 def test_the_neck_is_really_moved(outcome, measured):

@@ -639,6 +639,44 @@ def force_is_noisy(bench: Bench) -> None:
     assert max(deviations[3:]) < 0.01
 
 
+def read_as(bench: Bench, values: list[float], category: SensorCategory = SensorCategory.FORCE_TORQUE) -> list[float]:
+    """Return what a sensor shows of these values: the force-torque sensor, or the inertial unit."""
+    of_forces = category is SensorCategory.FORCE_TORQUE
+    sensor = bench.force_torques["left_arm"] if of_forces else bench.imus["inertial"]
+    shown = np.array(values)
+    for fault in sensor.faults:
+        fault(sensor.name, category, shown, bench.simulation.now)
+    return shown.tolist()
+
+
+def force_is_scaled(bench: Bench) -> None:
+    """All six are seven tenths."""
+    assert read_as(bench, [10.0, -20.0, 30.0, 1.0, 2.0, -3.0]) == pytest.approx([7.0, -14.0, 21.0, 0.7, 1.4, -2.1])
+
+
+def force_axes_are_exchanged(bench: Bench) -> None:
+    """X and y, of forces and of torques."""
+    assert read_as(bench, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]) == [2.0, 1.0, 3.0, 5.0, 4.0, 6.0]
+
+
+def turns_half(bench: Bench) -> None:
+    """Half of the angular velocity, and all of the acceleration."""
+    assert read_as(bench, [2.0, 4.0, 6.0], SensorCategory.GYROSCOPE) == [1.0, 2.0, 3.0]
+    assert read_as(bench, [2.0, 4.0, 6.0], SensorCategory.ACCELEROMETER) == [2.0, 4.0, 6.0]
+
+
+def falls_half(bench: Bench) -> None:
+    """Half of the acceleration, and all of the angular velocity."""
+    assert read_as(bench, [2.0, 4.0, 6.0], SensorCategory.ACCELEROMETER) == [1.0, 2.0, 3.0]
+    assert read_as(bench, [2.0, 4.0, 6.0], SensorCategory.GYROSCOPE) == [2.0, 4.0, 6.0]
+
+
+def turns_about_another_axis(bench: Bench) -> None:
+    """X and y of the angular velocity, nothing else."""
+    assert read_as(bench, [2.0, 4.0, 6.0], SensorCategory.GYROSCOPE) == [4.0, 2.0, 6.0]
+    assert read_as(bench, [2.0, 4.0, 6.0], SensorCategory.ACCELEROMETER) == [2.0, 4.0, 6.0]
+
+
 def inertial(bench: Bench, category: SensorCategory) -> np.ndarray:
     """What the inertial unit tells, mean of many."""
     found = []
@@ -835,6 +873,11 @@ SHOWS: dict[str, Callable[[Bench], None]] = {
     "ft_noise": force_is_noisy,
     "imu_rotated": imu_is_turned,
     "imu_frozen": imu_freezes,
+    "ft_gain": force_is_scaled,
+    "ft_axes": force_axes_are_exchanged,
+    "gyroscope_gain": turns_half,
+    "accelerometer_gain": falls_half,
+    "gyroscope_axes": turns_about_another_axis,
     "camera_frozen": camera_freezes,
     "camera_black": camera_is_black,
     "camera_size": camera_is_small,

@@ -49,6 +49,8 @@ _CAUSES: dict[str, tuple[str, ...]] = {
     "duplicate": ("a sensor slower than its publisher", "messages sent twice"),
     "stamps": ("a board that stamps old readings", "a clock that is set while the robot runs"),
     "offset": ("a sensor that was not calibrated", "a sensor that was overloaded"),
+    "sensor gain": ("the calibration matrix of another sensor", "a wrong full scale in the configuration"),
+    "sensor axes": ("a wrong calibration matrix", "a sensor that is mounted turned", "a wrong frame in the model"),
     "noise": ("a loose cable", "electrical noise"),
     "backlash": ("play in the gearbox", "a loose cable of the transmission"),
     "camera frozen": ("a camera that has stopped", "a driver that repeats its last picture"),

@@ -13,6 +13,7 @@ from rtf.simulator.faults import (
     encoders,
     mechanics,
     network,
+    sensor_scale,
     sensors,
     skin,
     sticky,
@@ -26,7 +27,19 @@ if TYPE_CHECKING:
 
 KINDS: Mapping[str, type[Fault]] = {
     kind.kind: kind
-    for layer in (mechanics, sticky, encoders, encoder_errors, wiring, boards, sensors, skin, depth, network)
+    for layer in (
+        mechanics,
+        sticky,
+        encoders,
+        encoder_errors,
+        wiring,
+        boards,
+        sensors,
+        sensor_scale,
+        skin,
+        depth,
+        network,
+    )
     for kind in layer.KINDS
 }
 #: Names can come from the network: one with a slash would name any file.

@@ -36,7 +36,9 @@ class _SensorFault(Fault):
         raise NotImplementedError
 
 
-class _ForceTorqueFault(_SensorFault):
+class ForceTorqueFault(_SensorFault):
+    """A fault of a force-torque sensor."""
+
     target_kind = Target.FORCE_TORQUE
 
     def aim(self) -> None:
@@ -48,7 +50,7 @@ class _ForceTorqueFault(_SensorFault):
         self.sensor = known[self.target]
 
 
-class ForceTorqueBias(_ForceTorqueFault):
+class ForceTorqueBias(ForceTorqueFault):
     """Offset of a force-torque sensor."""
 
     kind = "ft_bias"
@@ -67,7 +69,7 @@ class ForceTorqueBias(_ForceTorqueFault):
         values[3:] += self.torque
 
 
-class ForceTorqueFrozen(_ForceTorqueFault):
+class ForceTorqueFrozen(ForceTorqueFault):
     """Constant reading of a force-torque sensor."""
 
     kind = "ft_frozen"
@@ -82,7 +84,7 @@ class ForceTorqueFrozen(_ForceTorqueFault):
         values[:] = self._held
 
 
-class ForceTorqueNoise(_ForceTorqueFault):
+class ForceTorqueNoise(ForceTorqueFault):
     """Noise of a force-torque sensor."""
 
     kind = "ft_noise"
@@ -96,7 +98,9 @@ class ForceTorqueNoise(_ForceTorqueFault):
         values[:3] += self.simulation.random.normal(0.0, self.deviation, 3)
 
 
-class _ImuFault(_SensorFault):
+class ImuFault(_SensorFault):
+    """A fault of an inertial unit."""
+
     target_kind = Target.IMU
 
     def aim(self) -> None:
@@ -111,7 +115,7 @@ class _ImuFault(_SensorFault):
             )
 
 
-class ImuRotated(_ImuFault):
+class ImuRotated(ImuFault):
     """Rotated mounting of the inertial unit."""
 
     kind = "imu_rotated"
@@ -128,7 +132,7 @@ class ImuRotated(_ImuFault):
             values[:] = _rotation(0.0, 0.0, math.radians(self.angle)).T @ values
 
 
-class ImuFrozen(_ImuFault):
+class ImuFrozen(ImuFault):
     """Constant reading of the inertial unit."""
 
     kind = "imu_frozen"
@@ -144,7 +148,9 @@ class ImuFrozen(_ImuFault):
         values[:] = self._held.setdefault(category, values.copy())
 
 
-class _CameraFault(Fault):
+class CameraFault(Fault):
+    """A fault of a camera: ``show`` changes its pictures."""
+
     layer = Layer.CAMERA
     target_kind = Target.CAMERA
     camera: SimulatedCamera
@@ -167,7 +173,7 @@ class _CameraFault(Fault):
         raise NotImplementedError
 
 
-class CameraFrozen(_CameraFault):
+class CameraFrozen(CameraFault):
     """Repetition of the last image of a camera."""
 
     kind = "camera_frozen"
@@ -182,7 +188,7 @@ class CameraFrozen(_CameraFault):
         return self._held
 
 
-class CameraBlack(_CameraFault):
+class CameraBlack(CameraFault):
     """Black images of a camera."""
 
     kind = "camera_black"
@@ -194,7 +200,7 @@ class CameraBlack(_CameraFault):
         return np.zeros_like(pixels)
 
 
-class CameraSize(_CameraFault):
+class CameraSize(CameraFault):
     """Images of a camera in another size than announced."""
 
     kind = "camera_size"

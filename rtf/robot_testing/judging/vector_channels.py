@@ -1,0 +1,88 @@
+"""Which axis of a known vector each channel of a sensor shows, and with which gain: lines through several samples."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from rtf.robot_testing.judging.failure_causes import likely_causes
+from rtf.robot_testing.judging.statistics import fit_line
+
+if TYPE_CHECKING:
+    from rtf.robot.interfaces import FloatArray
+    from rtf.robot_testing.judging.statistics import Fit
+    from rtf.testing import TestCase
+
+#: Another axis explains a channel if it leaves at most this share of what its own axis leaves.
+_BETTER = 0.3
+_AXES = "xyz"
+
+
+class Channel(NamedTuple):
+    """A channel: the axis of the vector that it shows, with its sign, and the line over its own axis.
+
+    ``spread`` is the standard deviation of its own axis over the samples: with little of it the gain is unknown.
+    """
+
+    axis: int
+    sign: int
+    line: Fit
+    spread: float
+
+
+class Bounds(NamedTuple):
+    """What is allowed: the error of a gain, and the error of a sample that is no finding, in the sensor's unit.
+
+    ``known`` is the least standard deviation of a vector for its gain to be judged, in such errors.
+    """
+
+    gain: float
+    error: float
+    known: float
+
+
+def channels_of(measured: FloatArray, expected: FloatArray, error: float) -> list[Channel]:
+    """Return what each column of ``measured`` shows of the vectors ``expected``, both of shape (samples, axes).
+
+    A channel shows its own axis, unless that leaves more than twice ``error`` (root mean square) and another axis
+    explains most of it.
+    """
+    spreads = expected.std(axis=0)
+    found = []
+    for own, values in enumerate(measured.T):
+        lines = [fit_line(column, values) for column in expected.T]
+        left = [
+            line.rms if spread > error else float(values.std()) for line, spread in zip(lines, spreads, strict=True)
+        ]
+        best = int(np.argmin(left))
+        axis = best if left[own] > 2.0 * error and left[best] < _BETTER * left[own] else own
+        sign = -1 if spreads[axis] > error and lines[axis].slope < 0.0 else 1
+        found.append(Channel(axis, sign, lines[own], float(spreads[own])))
+    return found
+
+
+def judge_channels(
+    test: TestCase, sensor: str, what: str, symbol: str, measured: FloatArray, expected: FloatArray, bounds: Bounds
+) -> None:
+    """Judge the axes and the gains of a sensor with three channels, such as its ``force`` in ``N``.
+
+    Axes along which the vector hardly changes are reported as not judged.
+    """
+    for own, channel in enumerate(channels_of(measured, expected, bounds.error)):
+        name = f"{what} {_AXES[own]}"
+        shown = f"{'-' if channel.sign < 0 else ''}{_AXES[channel.axis]}"
+        if not test.check_fail_if_false(
+            (channel.axis, channel.sign) == (own, 1),
+            f"{sensor}: its {name} shows what is along {shown}; {likely_causes('sensor axes')}",
+        ):
+            continue
+        if channel.spread < bounds.known * bounds.error:
+            test.report(f"{name} should change by {channel.spread:.2g} {symbol} only: its gain is not judged")
+            continue
+        # An interval as wide as the tolerance is too wide to judge by it.
+        allowed = bounds.gain + min(channel.line.slope_interval, bounds.gain)
+        hint = (
+            f"{sensor}: its {name} is {channel.line.slope:.2f} times what it should be; {likely_causes('sensor gain')}"
+        )
+        test.measure(f"gain of {name}", channel.line.slope, "", 1.0 - allowed, 1.0 + allowed, hint=hint)
