@@ -54,7 +54,7 @@ class Plan:
 
 
 def load_files(files: Iterable[tuple[Path, bool]], variables: Mapping[str, str], *, lenient: bool = False) -> Plan:
-    """Load suite files; each has a flag that it must be a suite (else another file is ignored).
+    """Load suite files. The flag of each says that it must be a suite; any other XML file is ignored.
 
     With ``lenient`` an unknown element or attribute is a warning.
     """

@@ -146,7 +146,7 @@ class Transcript:
             self._left_out += 1
 
     def _take_case(self, case: Case, size: int) -> None:
-        """Have a case kept. One that is bad and cannot be kept makes the program fail."""
+        """Keep a case. A bad case that cannot be kept makes the program fail."""
         self._bytes += size
         bad = not case.verdict.good
         if self._bytes > (2 * EVENT_BYTES if bad else EVENT_BYTES) or not self.take_case(case):

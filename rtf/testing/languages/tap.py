@@ -201,7 +201,7 @@ class TapParser:
         return True
 
     def _release(self) -> None:
-        """Return the waiting point with its block."""
+        """Add the waiting point, with its block, to the items."""
         if self._point is not None:
             self._found.append(replace(self._point, block="\n".join(self._block or ())))
             self._point = self._block = None

@@ -109,7 +109,7 @@ class Fixture:
 
     @property
     def used_up(self) -> bool:
-        """Whether the fixture has no restart left."""
+        """Whether the fixture may not have another generation."""
         return bool(self.last_cause) and (self.restarts >= self.entry.restarts or self.hopeless)
 
     @property
@@ -137,7 +137,7 @@ class Fixture:
         )
 
     def change(self, state: FixtureState, detail: str = "") -> None:
-        """Emit a new state."""
+        """Go over to another state, and emit it."""
         self.state = state
         pid = self.process.pid if self.process else 0
         self.emit(
@@ -326,7 +326,7 @@ class FixtureProcess:
         self._wait(lambda: child.end is not None, clock.Deadline())
 
     def _conclude(self, end: End) -> None:
-        """Report a process that did not live to the end of its teardown, unless that has been done."""
+        """Report a process that did not live to the end of its teardown, or ended badly, unless that has been done."""
         if self._end_reported:
             return
         if not self._done and not (end.status == 0 and self._child.cut_off):
@@ -413,7 +413,7 @@ class FixtureProcess:
             self._enter("check()" if answered else self._step, Phase.CHECK)
 
     def _begins(self, step: str) -> None:
-        """Begin a step of the way down, each of which begins once; or allow interruptions from now on."""
+        """Record a step that the process has begun; each step of the way down begins once."""
         if step == "nothing":
             self._done = True
         elif step == "setup()" and not self._step:
