@@ -23,19 +23,24 @@ if TYPE_CHECKING:
     from rtf.cli.parser import Parser
 
 _SERVER, _CLIENT = "--server", "--on"
+_HELP = ("--help", "-h", "-?")
 
 
 def run(words: Sequence[str]) -> int:
     """Run a node, ask one, or run suites; returns the exit code."""
     options = {word.partition("=")[0] for word in words}
+    helped = options & {*_HELP}
     if _SERVER in options:
-        return _run_server(words)
+        return _run_server(words if not helped else _HELP[:1])
     if _CLIENT in options:
+        words = words if not helped else _HELP[:1]
         from rtf.cli.network.terminal import run_to_its_end
 
         return run_to_its_end("rtf run", _ask, words)
     from rtf.cli.run_command import run as run_suites
 
+    if helped:
+        print("Programs on other machines: 'rtf run --server --help' and 'rtf run --on --help'. Suites and tests:\n")
     return run_suites(words)
 
 

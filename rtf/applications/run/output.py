@@ -30,7 +30,6 @@ WAITING = 1 << 20
 LINE = 4096
 #: Seconds between two attempts to reach the reader.
 _AGAIN = 5.0
-_CLOSING = 2.0
 _TOGETHER = 16
 _LOOK = 0.2
 
@@ -97,9 +96,9 @@ class LineSender:
             self._closing = True
             self._changed.notify_all()
 
-    def join(self) -> None:
-        """Wait until the port is closed."""
-        self._thread.join(_CLOSING)
+    def join(self, timeout: float) -> None:
+        """Wait until the port is closed, ``timeout`` seconds at most."""
+        self._thread.join(timeout)
 
     @property
     def open(self) -> bool:
@@ -116,16 +115,23 @@ class LineSender:
 
     def _run(self) -> None:
         try:
-            with _LinePort(self.name, self._wake, self._network) as port:
-                while self._await_lines():
-                    if not self._await_reader(port):
-                        break
-                    self._send(port)
-                    port.settle()
-        except MiddlewareError as error:
-            self._report(f"{self.name}: the output is not sent: {error}")
+            while not self._serve():
+                pass
         finally:
             self._at_end()
+
+    def _serve(self) -> bool:
+        """Open the port, and send lines until the child has ended. False if that has to be tried again."""
+        try:
+            with _LinePort(self.name, self._wake, self._network) as port:
+                while self._await_lines() and self._await_reader(port):
+                    self._send(port)
+                    port.settle()
+        except MiddlewareError as error:  # the name server is away
+            self._tell(f"{self.name} cannot be opened: {error}")
+            with self._changed:
+                return self._changed.wait_for(lambda: self._closing, _AGAIN)
+        return True
 
     def _wake(self) -> None:
         with self._changed:

@@ -61,6 +61,8 @@ MOST, GRACE = 256, 5.0
 _SIGNALS = range(1, signal.NSIG)
 #: Seconds in which whoever asked the node to end reads the answer.
 _FAREWELL = 1.0
+#: Seconds in which the last lines of programs are sent when the node has ended.
+_LAST_LINES = 2.0
 
 
 class _NodePort(RpcServer):
@@ -173,7 +175,7 @@ class RunServer:
     def _take_over(self, record: NodeRecord) -> None:
         """Watch the held children of the node before, and end what else it left."""
         for found in record.held_before():
-            if self._children.adopt(found, lambda child, found=found: self._sinks_of(child, found.log)):  # type: ignore[misc]
+            if self._children.adopt(found, lambda child: self._sinks_of(child, child.launch.log)):
                 self._say(f"found {found.tag} ({found.pid}) again: {found.command}")
         for pid in record.end_left(self._grace):
             self._say(f"ended process {pid}, which a node before has left")
@@ -193,8 +195,9 @@ class RunServer:
         while self._port.inputs and not deadline.expired:
             clock.sleep(0.01)
         self._port.close()
+        deadline = clock.Deadline.after(_LAST_LINES)
         for sender in self._senders:
-            sender.join()
+            sender.join(deadline.remaining())
         if self._record is not None:
             self._record.close()
 
@@ -265,15 +268,13 @@ class RunServer:
     def _start(self, request: Start) -> list[object]:
         if request.stdio and request.on != self.name:
             return aborted(self.name, request, f"Can't open a terminal: {self.name} opens none", "xterm")
-        asker = self._port.asker
         try:
             child, uuid = self._launch(request)
         except (StartError, MiddlewareError) as error:
             reason = str(error)
-            self._say(f"{asker} cannot start {request.command} as {request.tag}: {reason}")
+            self._say(f"{self._port.asker} cannot start {request.command} as {request.tag}: {reason}")
             comma = "," if reason.startswith("cannot set") else " because"
             return aborted(self.name, request, f"Can't execute command{comma} {reason}")
-        self._say(f"{asker} starts {request.command} as {request.tag} ({child.pid})")
         reply = started(self.name, request, child.pid)
         return [*reply, uuid, *self._open_terminal(request, uuid)] if uuid else reply
 
@@ -306,7 +307,7 @@ class RunServer:
             logger,
         )
         if not request.stdio:
-            return self._children.start(launch, lambda child: self._sinks_of(child, logger)), ""
+            return self._children.start(launch, self._begin), ""
         return self._launch_with_streams(launch)
 
     @staticmethod
@@ -320,6 +321,11 @@ class RunServer:
             else:
                 variables[name] = value
         return variables
+
+    def _begin(self, child: Child) -> Iterable[Sink]:
+        """Say that a program has started, before it can be said that it has ended. Return what takes its output."""
+        self._say(f"{self._port.asker} starts {child.launch.command} as {child.launch.tag} ({child.pid})")
+        return self._sinks_of(child, child.launch.log)
 
     def _sinks_of(self, child: Child, logger: str | None) -> Iterable[Sink]:
         if logger is None:
@@ -346,7 +352,7 @@ class RunServer:
                 child = self._children.start(
                     launch,
                     lambda child: (
-                        *self._sinks_of(child, launch.log),
+                        *self._begin(child),
                         self._sender(f"{uuid}/stdout", "", entrance.close),
                     ),
                     theirs,

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from rtf import clock
 from rtf.applications.run.access import RunAccess
@@ -17,6 +20,8 @@ from rtf.applications.run.output import WAITING
 from rtf.applications.run.protocol import Ask, Start
 from rtf.applications.run.server import MAX_REQUEST, RunServer
 from rtf.bottle import Bottle
+from rtf.errors import RtfError
+from rtf.middleware.errors import NameServerError
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports import remote
 from rtf.middleware.ports.buffered import BufferedPort
@@ -26,11 +31,26 @@ from rtf.middleware.wire.contact import Contact
 from waiting import eventually
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from conftest import Node
 
 HANGING = (
     "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); print('deaf', flush=True); time.sleep(60)"
 )
+
+
+texts = st.text(max_size=10)
+words = st.sampled_from(["cmd", "as", "on", "kill", "ps", "env", "log", "stdio", "workdir", "hold", "exit", "/quiet"])
+values = st.recursive(st.integers() | st.floats() | texts | words, lambda inner: st.lists(inner, max_size=4))
+
+
+@pytest.fixture(scope="module")
+def quiet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunServer]:
+    """A node that may start the programs of an empty folder."""
+    access = RunAccess.parse(programs=[str(tmp_path_factory.mktemp("empty"))])
+    with RunServer("/quiet", network=Network(LocalNames()), access=access) as server:
+        yield server
 
 
 def script(folder: Path, text: str) -> str:
@@ -198,6 +218,14 @@ class TestLimits:
         assert "t?[2J" in node.said[-1]
 
 
+@given(st.lists(values, max_size=5))
+def test_any_message_is_answered_or_refused(quiet: RunServer, message: list[object]):
+    """The node raises nothing but the errors that end a connection, and starts nothing that is not allowed."""
+    with suppress(RtfError):
+        assert quiet._answer(Bottle(message)) is not None
+    assert quiet._answer(Bottle([["ps"]])) == Bottle()
+
+
 class TestAccess:
     """Who is answered."""
 
@@ -255,6 +283,23 @@ class TestOutput:
         with BufferedPort("/later", strict=True, network=node.network) as logger:
             assert logger.read(10)[1] == "early\n"
         assert sum("can be reached" in line for line in node.said) == 1
+
+    def test_name_server_that_is_away(self, node: Node, monkeypatch: pytest.MonkeyPatch):
+        """The port of the output is opened when the name server is back; what was said until then is kept."""
+        monkeypatch.setattr("rtf.applications.run.output._AGAIN", 0.05)
+        register, away = node.network.names.register, [True]
+
+        def refuse(name: str, **more: object) -> Contact:
+            if away and name.startswith("/log/"):
+                raise NameServerError("the name server does not answer")
+            return register(name, **more)  # type: ignore[arg-type]
+
+        monkeypatch.setattr(node.network.names, "register", refuse)
+        with BufferedPort("/yarplogger", strict=True, network=node.network) as logger:
+            start(node, "t", 'sh -c "echo early; exec sleep 60"', log="")
+            eventually(lambda: any("cannot be opened" in line for line in node.said), "nothing was said")
+            away.clear()
+            assert logger.read(10)[1] == "early\n"
 
     def test_node_that_logs_all(self):
         """A request for another logger goes there."""

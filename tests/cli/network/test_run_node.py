@@ -118,6 +118,16 @@ def test_mistakes(ask: Callable[..., Said], words: tuple[str, ...], complaint: s
     assert complaint in said.err
 
 
+@pytest.mark.parametrize(
+    ("words", "usage"),
+    [(("--server", "--help"), "--allow-program"), (("--on", "-h"), "--isrunning"), (("-h",), "--junit")],
+)
+def test_help(ask: Callable[..., Said], words: tuple[str, ...], usage: str):
+    """Of the node, of its client, and of what runs suites, which names the other two."""
+    said = ask(*words)
+    assert (said.code, said.err, usage in said.out) == (0, "", True)
+
+
 def test_killed_nodes(net: Net, ask: Callable[..., Said]):
     """Programs end with their node, whatever they forked and whatever was killed; the next one finds a held one."""
     node = opened(net)
