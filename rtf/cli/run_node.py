@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rtf.applications.run.client import RunClient
     from rtf.cli.parser import Parser
 
-_SERVER, _CLIENT = "--server", "--on"
+_SERVER, _CLIENT, _TERMINAL = "--server", "--on", "--terminal"
 _HELP = ("--help", "-h", "-?")
 
 
@@ -37,6 +37,11 @@ def run(words: Sequence[str]) -> int:
         from rtf.cli.network.terminal import run_to_its_end
 
         return run_to_its_end("rtf run", _ask, words)
+    if _TERMINAL in options:
+        from rtf.cli.network.terminal import run_to_its_end
+        from rtf.cli.run_terminal import terminal
+
+        return run_to_its_end("rtf run", terminal, words)
     from rtf.cli.run_command import run as run_suites
 
     if helped:

@@ -215,13 +215,16 @@ class Children:
         """Send signals to all processes of children."""
         with self._lock:
             whole = [child for child in children if child.number in self._children]
+            for child in whole:
+                if not child.leader_ended:
+                    for signum in signals:
+                        processes.signal_group(child.pid, signum)
+            # Looked at afterwards: what leaves its group at this moment is in the group before, or found now.
             found = members([(child.pid, child.mark) for child in whole])
             for child in whole:
-                for signum in signals:
-                    if not child.leader_ended:
-                        processes.signal_group(child.pid, signum)
-                    for process in found[child.pid]:
-                        if child.leader_ended or process.group != child.pid:
+                for process in found[child.pid]:
+                    if child.leader_ended or process.group != child.pid:
+                        for signum in signals:
                             processes.signal_process(process.pid, signum)
 
     # Ending ------------------------------------------------------------------------------------------------------

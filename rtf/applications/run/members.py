@@ -19,16 +19,20 @@ if TYPE_CHECKING:
 
 #: The variable of the mark. Children that outlive their node have the second one, which the keeper spares.
 MARK, HELD_MARK = "RTF_RUN_CHILD", "RTF_RUN_HELD"
+_KERNEL = 2  # the process whose children are the threads of the kernel
+#: Seconds between two looks at a process that has no environment, as in the middle of ``exec``, and their number.
+_EXEC, _LOOKS = 0.001, 3
 #: Seconds between two looks at what is ending.
 _LOOK = 0.05
-_STATE, _GROUP, _START = 0, 2, 19  # places in /proc/PID/stat behind the name, see proc(5)
+_STATE, _PARENT, _GROUP, _START = 0, 1, 2, 19  # places in /proc/PID/stat behind the name, see proc(5)
 
 
 @dataclass(frozen=True, slots=True)
 class ProcessState:
-    """A process: its group, and when it was started, in ticks since the machine was."""
+    """A process: its parent and group, and when it was started, in ticks since the machine was."""
 
     pid: int
+    parent: int
     group: int
     started: int
     zombie: bool
@@ -41,7 +45,8 @@ def look_at(pid: int) -> ProcessState | None:
             words = stream.read().rpartition(b")")[2].split()
     except OSError:
         return None
-    return ProcessState(pid, int(words[_GROUP]), int(words[_START]), words[_STATE] in (b"Z", b"X"))
+    zombie = words[_STATE] in (b"Z", b"X")
+    return ProcessState(pid, int(words[_PARENT]), int(words[_GROUP]), int(words[_START]), zombie)
 
 
 def lives(process: ProcessState) -> bool:
@@ -51,25 +56,34 @@ def lives(process: ProcessState) -> bool:
 
 
 def all_processes() -> Iterator[ProcessState]:
-    """All processes of the machine that live."""
+    """All processes of the machine that live, without the threads of the kernel."""
     for name in os.listdir("/proc"):  # noqa: PTH208 - names only
         found = look_at(int(name)) if name.isdecimal() else None
-        if found is not None and not found.zombie:
+        if found is not None and not found.zombie and found.parent != _KERNEL:
             yield found
 
 
 def mark_of(pid: int) -> str:
     """Return the mark with which a process was started, ``NAME=value``; empty if it has none, or is not ours."""
-    try:
-        with open(f"/proc/{pid}/environ", "rb") as stream:  # noqa: PTH123
-            environment = stream.read()
-    except OSError:
-        return ""
+    environment = _environment(pid)
     for name in (MARK, HELD_MARK):
         start = environment.find(f"{name}=".encode())
         if start == 0 or (start > 0 and environment[start - 1] == 0):
             return environment[start:].split(b"\0", 1)[0].decode("utf-8", "replace")
     return ""
+
+
+def _environment(pid: int) -> bytes:
+    for _ in range(_LOOKS):
+        try:
+            with open(f"/proc/{pid}/environ", "rb") as stream:  # noqa: PTH123
+                environment = stream.read()
+        except OSError:
+            return b""
+        if environment:
+            return environment
+        clock.sleep(_EXEC)
+    return b""
 
 
 def members(groups: Iterable[tuple[int, str]]) -> dict[int, list[ProcessState]]:

@@ -30,6 +30,8 @@ WAITING = 1 << 20
 LINE = 4096
 #: Seconds between two attempts to reach the reader.
 _AGAIN = 5.0
+#: Seconds after the end of a child in which a terminal may still connect to read what it wrote.
+_LINGER = 2.0
 _TOGETHER = 16
 _LOOK = 0.2
 
@@ -151,10 +153,10 @@ class LineSender:
                 except MiddlewareError as error:
                     self._tell(f"{self.name}: {error}; the last lines are kept until it can be reached")
             with self._changed:
-                if not port.outputs:
-                    if self._closing:
-                        return False
-                    self._changed.wait_for(lambda: self._closing or port.outputs, _AGAIN)
+                if self._closing:
+                    linger = 0.0 if self._target else _LINGER
+                    return bool(self._changed.wait_for(lambda: port.outputs, linger))
+                self._changed.wait_for(lambda: self._closing or port.outputs, _AGAIN)
         self._told = False
         return True
 

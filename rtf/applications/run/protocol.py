@@ -169,9 +169,10 @@ def read_environment(text: str) -> dict[str, str | None]:
 # Replies ---------------------------------------------------------------------------------------------------------
 
 
-def started(node: str, request: Start, pid: int) -> list[object]:
-    """The beginning of the reply to a start."""
-    return [pid, f"STARTED: server={node} alias={request.tag} cmd={request.command} pid={pid}\n"]
+def started(node: str, request: Start, pid: int, command: str | None = None) -> list[object]:
+    """The beginning of the reply to a start; ``command`` is named instead of that of the request."""
+    shown = request.command if command is None else command
+    return [pid, f"STARTED: server={node} alias={request.tag} cmd={shown} pid={pid}\n"]
 
 
 def aborted(node: str, request: Start, reason: str, command: str | None = None) -> list[object]:

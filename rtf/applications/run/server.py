@@ -2,8 +2,7 @@
 
 It answers as ``yarprun`` 3.12.3 does, with these differences: a program that cannot be started is always told of; a
 message that asks for nothing ends the connection instead of leaving the client waiting; signals reach all processes of
-a program; and ``sysinfo`` has the machine's figures only. The node opens no terminals: a program with ``stdio`` has
-ports for its output and input, to which YARP's terminals and ``rtf read`` and ``rtf write`` connect.
+a program; and ``sysinfo`` has the machine's figures only.
 """
 
 from __future__ import annotations
@@ -13,7 +12,6 @@ import os
 import shutil
 import signal
 import threading
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -21,9 +19,8 @@ from rtf import clock
 from rtf.applications.run import sysinfo
 from rtf.applications.run.access import RunAccess
 from rtf.applications.run.children import Child, Children, Launch
-from rtf.applications.run.client import RunClient
 from rtf.applications.run.errors import RunError, StartError
-from rtf.applications.run.output import InputPort, LineSender
+from rtf.applications.run.output import LineSender
 from rtf.applications.run.protocol import (
     LOGGER,
     MAX_WORDS,
@@ -37,6 +34,7 @@ from rtf.applications.run.protocol import (
     split_words,
     started,
 )
+from rtf.applications.run.streams import WINDOW, Streams, window_words
 from rtf.bottle import Bottle
 from rtf.middleware.errors import MiddlewareError, ProtocolError
 from rtf.middleware.ports.access import address_of
@@ -134,12 +132,16 @@ class RunServer:
             "which": self._which,
             "exit": self._exit,
         }
+        token = record.token if record else f"{os.getpid()}.{id(self):x}"
         self._children = Children(
-            record.token if record else f"{os.getpid()}.{id(self):x}",
+            token,
             most=most,
             said=self._say,
             changed=self._write_record,
         )
+        #: The terminals that were opened for programs, and those that stay open when their program has ended.
+        self._windows = Children(f"{token}-w", most=most, said=self._say)
+        self._held_windows: set[int] = set()
         try:
             self._port = _NodePort(name, self._answer, network, self._access)
             try:
@@ -150,6 +152,7 @@ class RunServer:
                 raise
         except BaseException:
             self._children.close(0.0)
+            self._windows.close(0.0)
             raise
         if record is not None:
             self._take_over(record)
@@ -191,6 +194,7 @@ class RunServer:
     def close(self) -> None:
         """End all children that are not held, and close the port."""
         self._children.close(self._grace)
+        self._windows.close(self._grace)
         deadline = clock.Deadline.after(_FAREWELL if self._leaving else 0.0)
         while self._port.inputs and not deadline.expired:
             clock.sleep(0.01)
@@ -241,9 +245,6 @@ class RunServer:
         self._children.signal(self._children.running(), signal.SIGTERM)
         return Bottle(["sigtermall OK"])
 
-    def _killstdio(self, _request: Ask) -> Bottle:
-        return Bottle(["killstdio OK"])  # no terminals are opened here
-
     def _sysinfo(self, _request: Ask) -> sysinfo.SystemInfo:
         return sysinfo.measure()
 
@@ -266,20 +267,20 @@ class RunServer:
     # Starting --------------------------------------------------------------------------------------------------------
 
     def _start(self, request: Start) -> list[object]:
-        if request.stdio and request.on != self.name:
-            return aborted(self.name, request, f"Can't open a terminal: {self.name} opens none", "xterm")
+        if request.stdio and (request.uuid or request.on != self.name):
+            return self._open_window(request)
         try:
-            child, uuid = self._launch(request)
+            child, streams = self._launch(request)
         except (StartError, MiddlewareError) as error:
             reason = str(error)
             self._say(f"{self._port.asker} cannot start {request.command} as {request.tag}: {reason}")
             comma = "," if reason.startswith("cannot set") else " because"
             return aborted(self.name, request, f"Can't execute command{comma} {reason}")
         reply = started(self.name, request, child.pid)
-        return [*reply, uuid, *self._open_terminal(request, uuid)] if uuid else reply
+        return [*reply, streams.uuid, *streams.open_terminal(self.name)] if streams else reply
 
-    def _launch(self, request: Start) -> tuple[Child, str]:
-        """Start what is asked for. Return the child, and the name of its streams' ports if it has them."""
+    def _launch(self, request: Start) -> tuple[Child, Streams | None]:
+        """Start what is asked for. Return the child, and its streams if they are to be shown in a terminal."""
         words = split_words(request.command)
         if not words or not request.tag:
             raise StartError("it has no command" if not words else "it has no tag; name one with (as TAG)")
@@ -307,8 +308,8 @@ class RunServer:
             logger,
         )
         if not request.stdio:
-            return self._children.start(launch, self._begin), ""
-        return self._launch_with_streams(launch)
+            return self._children.start(launch, self._begin), None
+        return self._launch_with_streams(launch, request)
 
     @staticmethod
     def _variables(changed: dict[str, str | None], *, forwarded: bool) -> dict[str, str]:
@@ -339,40 +340,47 @@ class RunServer:
             self._senders = [*(one for one in self._senders if one.open), sender]
         return sender
 
-    # Streams ---------------------------------------------------------------------------------------------------------
+    # Terminals -------------------------------------------------------------------------------------------------------
 
-    def _launch_with_streams(self, launch: Launch) -> tuple[Child, str]:
+    def _launch_with_streams(self, launch: Launch, request: Start) -> tuple[Child, Streams]:
         with self._lock:
             number, self._stdio_count = self._stdio_count, self._stdio_count + 1
-        uuid = f"{self.name}/{os.getpid()}/{launch.tag}-{number}"
-        theirs, ours = os.pipe2(os.O_CLOEXEC)
-        try:
-            entrance = InputPort(f"{uuid}/stdin", ours, self._network)
-            try:
-                child = self._children.start(
-                    launch,
-                    lambda child: (
-                        *self._begin(child),
-                        self._sender(f"{uuid}/stdout", "", entrance.close),
-                    ),
-                    theirs,
-                )
-            except StartError:
-                entrance.close()
-                raise
-        finally:
-            os.close(theirs)
-        return child, uuid
+        uuid = f"{self.name}/{os.getpid()}/{request.tag}-{number}"
+        streams = Streams(uuid, request, network=self._network, report=self._say)
 
-    def _open_terminal(self, request: Start, uuid: str) -> list[object]:
-        """Ask the other node to open the terminal, and return its answer; a refusal does not end the program."""
-        if request.stdio == self.name:
-            return aborted(self.name, request, f"Can't open a terminal: {self.name} opens none", "xterm")
+        def sinks(child: Child) -> Iterable[Sink]:
+            return (*self._begin(child), self._sender(f"{uuid}/stdout", "", streams.close))
+
         try:
-            reply = RunClient(request.stdio, network=self._network).start(replace(request, uuid=uuid))
-        except (RunError, MiddlewareError) as error:
-            return aborted(self.name, request, f"Can't open a terminal: {error}", "xterm")
-        return [reply.pid, reply.text]
+            return self._children.start(launch, sinks, streams.stdin), streams
+        except StartError:
+            streams.close()
+            raise
+        finally:
+            os.close(streams.stdin)
+
+    def _open_window(self, request: Start) -> list[object]:
+        """Open a terminal for a program of another node, or of this one."""
+        try:
+            words = window_words(request)
+            program = _find_program(WINDOW, Path.cwd(), os.environ.get("PATH"))
+            self._access.check_program(program, (), os.environ)
+            launch = Launch(request.tag, WINDOW, program, words, self._variables({}, forwarded=False))
+            child = self._windows.start(launch)
+        except StartError as error:
+            self._say(f"{self._port.asker} cannot open a terminal for {request.tag}: {error}")
+            return aborted(self.name, request, f"Can't execute command because {error}", WINDOW)
+        self._say(f"{self._port.asker} opens a terminal for {request.tag} ({child.pid})")
+        if request.hold:
+            with self._lock:
+                still = {one.pid for one in self._windows.running()}
+                self._held_windows = {*self._held_windows & still, child.pid}
+        return started(self.name, request, child.pid, WINDOW)
+
+    def _killstdio(self, request: Ask) -> Bottle:
+        windows = [one for one in self._windows.find(request.about) if one.pid not in self._held_windows]
+        self._windows.signal(windows, signal.SIGTERM)
+        return Bottle(["killstdio OK"])
 
 
 def _find_program(name: str, directory: Path, path: str | None) -> str:

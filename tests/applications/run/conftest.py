@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import threading
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -16,6 +17,7 @@ from waiting import eventually, open_descriptors
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
     from rtf.applications.run.children import Child
 
@@ -58,3 +60,12 @@ def node(_node: Node) -> Iterator[Node]:
     for row in _node.client.running():
         _node.client.kill(row.tag, 9)
     eventually(lambda: not _node.client.running(), "a program is left")
+
+
+@pytest.fixture
+def no_window(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A PATH with ``cat``, and without a program that opens windows."""
+    found = shutil.which("cat")
+    assert found is not None
+    (tmp_path / "cat").symlink_to(found)
+    monkeypatch.setenv("PATH", str(tmp_path))

@@ -315,6 +315,7 @@ class TestOutput:
             assert everything.read(10)[1] == "here\n"
             assert other.read(10)[1] == "there\n"
 
+    @pytest.mark.usefixtures("no_window")
     def test_streams_of_a_program(self, node: Node):
         """Lines that are sent to its input come back from its output, once somebody reads."""
         reply = node.client.start(Start("io", "cat", "/node1", stdio="/node1"))

@@ -128,6 +128,26 @@ def test_help(ask: Callable[..., Said], words: tuple[str, ...], usage: str):
     assert (said.code, said.err, usage in said.out) == (0, "", True)
 
 
+def test_terminal(net: Net, ask: Callable[..., Said], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A node opens a window for a program: it shows what is written, sends what is typed, and ends with the program."""
+    keyboard, screen, window = tmp_path / "keyboard", tmp_path / "screen", tmp_path / "xterm"
+    os.mkfifo(keyboard)
+    window.write_text(f'#!/bin/sh\nwhile [ "$1" != -e ]; do shift; done\nshift\nexec "$@" < {keyboard} > {screen}\n')
+    window.chmod(0o755)
+    monkeypatch.setitem(net.environment, "PATH", f"{tmp_path}:{os.environ['PATH']}")
+    node = opened(net)
+    said = ask("--on", "/node", "--as", "io", "--stdio", "/node", "--cmd", 'sh -c "echo begun; exec cat"')
+    program, opener = (int(pid) for pid in re.findall(r"pid=(\d+)", said.out))
+    with keyboard.open("w") as keys:
+        keys.write("hello\n")
+        keys.flush()
+        eventually(lambda: screen.exists() and screen.read_text() == "begun\nhello\n", "the screen is empty", 20.0)
+        assert ask("--on", "/node", "--ps").out.startswith(f"(pid {program}) (tag io)")
+        assert ask("--on", "/node", "--sigterm", "io").code == 0
+        eventually(lambda: not alive(program, opener), "the terminal is left")
+    assert node.end() == 0
+
+
 def test_killed_nodes(net: Net, ask: Callable[..., Said]):
     """Programs end with their node, whatever they forked and whatever was killed; the next one finds a held one."""
     node = opened(net)
