@@ -136,7 +136,7 @@ class JointLimits(JointsTest):
         except GuardError as error:
             self._spans[joint] = begin, self.now()
             self._judge_block(joint, error)
-            self.judge_stop(joint, error)
+            self.judge_own_stop(joint, error)
         self.progress(len(self._spans) / len(self.chosen), name)
 
     def _visit_limits(self, joint: int) -> Routine[None]:

@@ -13,7 +13,6 @@ from rtf.robot_testing.joints_test import JointsTest
 from rtf.robot_testing.judging.encoder_errors import Spikes, errors_of, spikes_of
 from rtf.robot_testing.judging.friction_profile import friction_profile
 from rtf.robot_testing.motion.joint_swings import JointSwinger, Outcome, ends_of
-from rtf.robot_testing.motion.joints_out_of_limits import exclude_joints_out_of_limits
 from rtf.robot_testing.motion.part import PACE
 from rtf.robot_testing.motion.routines import run_queues
 from rtf.testing import Parameter
@@ -79,9 +78,8 @@ class JointSweep(JointsTest):
         self.slow_speeds = self.by_joint("speed", self.speed)
         self.fast_speeds = self.by_joint("fast", self.fast)
         self.ends = {joint: ends_of(part, joint, np.inf) for joint in self.chosen}
-        self.hold()
         self.swinger = JointSwinger(part, self.transmission, tolerance=self.tolerance)
-        self.swinger.exclude(exclude_joints_out_of_limits(part))
+        self.swinger.begin(self.hold)
 
     def run(self) -> None:
         """Sweep all queues in parallel, then judge joint by joint."""
@@ -94,6 +92,7 @@ class JointSweep(JointsTest):
         for joint in self.chosen:
             with self.subresult(part.names[joint]):
                 self._judge(joint, self._sweeps[joint], states)
+        self.fail_others(self.swinger.evidence, self.chosen)
 
     def _routine(self, joint: int) -> Routine[None]:
         """Move a joint to its lower end and to its upper one slowly, back to the lower one and home fast."""
@@ -112,12 +111,11 @@ class JointSweep(JointsTest):
 
     def _judge(self, joint: int, sweep: _Sweep, states: _States) -> None:
         name, outcome = self.robot_part.names[joint], sweep.outcome
-        if doubt := self.swinger.in_doubt(joint):
-            self.inconclusive(f"{name} {doubt}: it cannot be judged")
-        if outcome.excuse:
-            self.inconclusive(f"{name} {outcome.complaint}; but {outcome.excuse}")
-        if outcome.complaint:
-            self.check(condition=False, text=f"{name} {outcome.complaint}; {likely_causes(*outcome.findings)}")
+        verdict = self.swinger.verdict(joint, outcome)
+        if verdict is not None and not verdict.failed:
+            self.inconclusive(verdict.text)
+        if verdict is not None:
+            self.check(condition=False, text=verdict.text)
         own = states.between(sweep.moves[0][0], sweep.moves[-1][1])
         joints, motors = own.joints[:, joint], own.motors[:, joint]
         finite = np.isfinite(joints) & np.isfinite(motors)

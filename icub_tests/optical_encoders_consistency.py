@@ -11,9 +11,10 @@ from rtf.robot.errors import RobotError
 from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.joints_test import JointsTest
+from rtf.robot_testing.judging.blame import Evidence, blame, settle
+from rtf.robot_testing.judging.encoder_agreement import Motion, Tolerance, encoder_evidence
 from rtf.robot_testing.judging.robust_line import slopes_between
 from rtf.robot_testing.motion.joint_swings import JointSwinger, Outcome, ends_of
-from rtf.robot_testing.motion.joints_out_of_limits import exclude_joints_out_of_limits
 from rtf.robot_testing.motion.part import PACE
 from rtf.robot_testing.motion.routines import run_queues, until
 from rtf.robot_testing.parameter_checks import joint_count
@@ -136,20 +137,48 @@ class OpticalEncodersConsistency(JointsTest):
             ends_of(part, joint, widths[place], lows and lows[place], highs and highs[place])
             for place, joint in enumerate(self.chosen)
         ]
-        self.hold()
         self.swinger = JointSwinger(part, self.transmission, tolerance=self.tolerance)
-        self.swinger.exclude(exclude_joints_out_of_limits(part))
+        self.swinger.begin(self.hold)
 
     def run(self) -> None:
         """Swing joint by joint, then judge motor by motor."""
         part = self.robot_part
         self._swings: dict[int, _Swing] = {}
         self._moving = set[int]()
+        self._causes: list[Evidence] = []
+        self._disagreeing: list[int] = []
         run_queues(part, part.one_at_a_time(self.chosen), self._routine, pace=PACE)
         self._compare_with_expected()
+        self._compare_all()
         for joint in self.chosen:
             with self.subresult(part.names[joint]):
                 self._judge(joint, *self._swings[joint])
+        self.fail_others(self.swinger.evidence, self.chosen)
+
+    def _compare_all(self) -> None:
+        """Find out from all swings together which encoders explain that several motors disagree with their joints.
+
+        Exchanged encoders are evidence by themselves. A single wrong one is judged with its joint; of the others that
+        it makes disagree it is the cause.
+        """
+        traces = [swing.trace for swing in self._swings.values() if len(swing.trace)]
+        if not traces:
+            return
+        data = _joined(traces)
+        motion = Motion.of(data.joints, data.motors, self.transmission.gearbox, self.transmission.coupling)
+        bounds = Tolerance(2 * self.noise, self.ratio_tolerance / 100.0)
+        obeyed = not any(swing.outcome.complaint for swing in self._swings.values())
+        found = encoder_evidence(motion, self.robot_part.names, bounds, obeyed=obeyed)
+        self.swinger.evidence += [one for one in found if len(one.joints) > 1]
+        self._causes = [one for one in found if len(one.joints) == 1]
+        self._disagreeing = motion.disagreeing(bounds)
+
+    def _excuse_neighbour(self, joint: int) -> None:
+        """End a joint as inconclusive whose encoders disagree because of the encoder of another one."""
+        others = [one for one in self._causes if joint not in one.joints]
+        if joint in self._disagreeing and len(others) == len(self._causes) > 0:
+            text = f"{self.robot_part.names[joint]}: joint and motor encoder disagree"
+            settle(self, blame(joint, Evidence(frozenset({joint}), text, certain=False), others))
 
     def _routine(self, joint: int) -> Routine[None]:
         """Swing a joint while no other joint of its board moves, so that the motions of the motors can be separated."""
@@ -184,22 +213,18 @@ class OpticalEncodersConsistency(JointsTest):
 
     def _judge(self, joint: int, outcome: Outcome, trace: Trace) -> None:
         name = self.robot_part.names[joint]
-        if doubt := self.swinger.in_doubt(joint):
-            self.inconclusive(f"{name} {doubt}: it cannot be judged")
-        if outcome.excuse:
-            self.inconclusive(f"{name} {outcome.complaint}; but {outcome.excuse}")
-        if outcome.complaint:
-            self.check(condition=False, text=f"{name} {outcome.complaint}; {likely_causes(*outcome.findings)}")
-        if not len(trace):
-            self.assert_error_if_false(outcome.complaint, f"{name}: the board publishes no states")
-            return
+        if len(trace):
+            self._keep(joint, _joined([trace]))
+        if (verdict := self.swinger.verdict(joint, outcome)) is not None:
+            settle(self, verdict)
+        self._excuse_neighbour(joint)
+        self.assert_error_if_false(len(trace), f"{name}: the board publishes no states")
         data, own = self._of_board(joint), _joined([trace])
-        if missing := self._missing(joint, data):
-            self.assert_error_if_false(
-                outcome.complaint,
-                f"{name}: {missing} of {len(data.time)} states have no finite values of it; {likely_causes('frozen')}",
-            )
-            return
+        missing = self._missing(joint, data)
+        self.assert_error_if_true(
+            missing,
+            f"{name}: {missing} of {len(data.time)} states have no finite values of it; {likely_causes('frozen')}",
+        )
         travel = float(np.ptp(own.joints[:, joint]))
         turned = float(np.ptp(own.motors[:, joint])) / abs(self.transmission.factors[joint])
         self.assert_true(
@@ -207,10 +232,7 @@ class OpticalEncodersConsistency(JointsTest):
             f"{name}: its motor moves it by {self.shown(turned, '.1f')}, its encoder shows {self.shown(travel)}; "
             f"{likely_causes('frozen')}",
         )
-        if travel < _SWUNG:
-            little = f"{name}: {self.shown(travel)} of motion are too little to judge"
-            self.assert_error_if_false(outcome.complaint, little)
-            return
+        self.assert_error_if_true(travel < _SWUNG, f"{name}: {self.shown(travel)} of motion are too little to judge")
         self.assert_true(
             turned >= 0.1 * travel or not self.transmission.coupling[joint, joint],  # otherwise other motors turn it
             f"{name} moves by {self.shown(travel, '.1f')}, its motor's encoder does not; {likely_causes('frozen')}",
@@ -221,7 +243,6 @@ class OpticalEncodersConsistency(JointsTest):
         self._judge_ratios(joint, ratios, self.ratio_tolerance / 100.0 + (doubt if doubt > _DOUBTFUL else 0.0))
         if self._judge_residual(joint, data, left):
             self._judge_speeds(joint, own)
-        self._keep(joint, own)
 
     def _missing(self, joint: int, data: _Data) -> int:
         """Return the number of states without a finite value of the joint, or of a joint that turns its motor."""

@@ -9,10 +9,11 @@ import numpy as np
 
 from rtf.robot.errors import RobotError
 from rtf.robot_testing import Safety, fit_line, likely_causes
+from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.joints_test import JointsTest
+from rtf.robot_testing.judging.blame import settle
 from rtf.robot_testing.motion.joint_swings import JointSwinger, Outcome, ends_of
-from rtf.robot_testing.motion.joints_out_of_limits import exclude_joints_out_of_limits
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -83,10 +84,9 @@ class OpticalEncodersDrift(JointsTest):
         highs = self.per_joint("max", self.high, self.chosen) if self.high else [None] * len(self.chosen)
         rows = zip(self.chosen, widths, lows, highs, strict=True)
         self.ends = [ends_of(part, joint, width, low, high) for joint, width, low, high in rows]
-        self.hold()
         self.swinger = JointSwinger(part, self.transmission, tolerance=self.tolerance)
         self.complaints: dict[int, Outcome] = {}
-        self.swinger.exclude(exclude_joints_out_of_limits(part))
+        self.swinger.begin(self.hold)
 
     def run(self) -> None:
         """Swing, and judge joint by joint the measurements at home."""
@@ -100,6 +100,7 @@ class OpticalEncodersDrift(JointsTest):
         for place, joint in enumerate(self.chosen):
             with self.subresult(self.robot_part.names[joint]):
                 self._judge(joint, np.array(visits.swings), drift[:, joint], travel[place])
+        self.fail_others(self.swinger.evidence, self.chosen)
 
     def _growing(self) -> Series:
         part = self.robot_part
@@ -150,15 +151,18 @@ class OpticalEncodersDrift(JointsTest):
         return np.array([self.transmission.rotors(joints), motors])[:, self.chosen]
 
     def _go(self, targets: Sequence[float]) -> None:
-        going = [place for place, joint in enumerate(self.chosen) if joint not in self.complaints]
-        if not going:
+        """Move all joints without a complaint; again without those that are to blame for a stop by the guard."""
+        while going := [place for place, joint in enumerate(self.chosen) if joint not in self.complaints]:
+            chosen = [self.chosen[place] for place in going]
+            try:
+                outcomes = self.swinger.go(
+                    [targets[place] for place in going], chosen, [self.speeds[place] for place in going]
+                )
+            except GuardError as error:
+                self.complaints.update(self.swinger.stopped(error))
+                continue
+            self.complaints.update(outcomes)
             return
-        outcomes = self.swinger.go(
-            [targets[place] for place in going],
-            [self.chosen[place] for place in going],
-            [self.speeds[place] for place in going],
-        )
-        self.complaints.update(outcomes)
 
     def _visit(self, visits: _Visits, done: int) -> None:
         """Go home, and measure the mean positions there at rest."""
@@ -181,11 +185,8 @@ class OpticalEncodersDrift(JointsTest):
     def _judge(self, joint: int, swings: FloatArray, apart: FloatArray, share: float) -> None:
         """Judge a joint by the differences of its encoders (deg) after each number of half-swings."""
         name = self.robot_part.names[joint]
-        if doubt := self.swinger.in_doubt(joint):
-            self.inconclusive(f"{name} {doubt}: it cannot be judged")
-        complaint = self.complaints.get(joint)
-        if complaint is not None:
-            self.assert_fail(f"{name} {complaint.complaint}; {likely_causes(*complaint.findings)}")
+        if (verdict := self.swinger.verdict(joint, self.complaints.get(joint, Outcome()))) is not None:
+            settle(self, verdict)
         missing = int((~np.isfinite(apart)).sum())
         self.assert_error_if_true(
             missing,

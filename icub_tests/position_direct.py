@@ -9,11 +9,12 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import GuardError, RobotTest, Safety, delay_between, likely_causes
+from rtf.robot_testing.judging.blame import Evidence
 from rtf.robot_testing.judging.checked_values import CheckedValue, judge_values
 from rtf.robot_testing.judging.real_time_checks import loop_delay
 from rtf.robot_testing.judging.sine import RampedSine, fit_sine
 from rtf.robot_testing.motion.periodic_loop import ticks
-from rtf.robot_testing.motion.start_position import bring, late_joints, starting_point
+from rtf.robot_testing.motion.start_position import bring, late_evidence, late_joints, starting_point
 from rtf.robot_testing.slides import converted, in_metres
 from rtf.testing import Parameter
 
@@ -125,7 +126,7 @@ class PositionDirect(RobotTest):
                 lost = self._probe(part, form)
                 run = self._follow(part, form)
             except GuardError as error:
-                self.blame(error, "runs away", during=name)
+                self.blame(part, error, "runs away", joints=self.chosen, during=name)
             finally:
                 part.set_mode(ControlMode.POSITION)
             self._judge_stimulus(name, run)
@@ -139,9 +140,10 @@ class PositionDirect(RobotTest):
     def _exclude_late_joints(self, part: Part) -> None:
         """Fail and exclude joints that do not reach the middle of their sine."""
         late = late_joints(part, self.chosen, self.middle)
+        found = late_evidence(part, late) if late else []
         for joint, text in late.items():
-            with self.subresult(part.names[joint]):
-                self.assert_fail(f"{text}; {likely_causes('does not move')}")
+            complaint = Evidence(frozenset({joint}), text, ("does not move",), certain=False)
+            self.judge_evidence(part, joint, complaint, found)
         left = [place for place, joint in enumerate(self.chosen) if joint not in late]
         self.chosen = [self.chosen[place] for place in left]
         self.middle = self.middle[left]

@@ -88,7 +88,7 @@ class PositionStress(JointsTest):
         self._done += 1
         self.progress(self._done / len(self.chosen), part.names[joint])
         if stopped is not None:
-            self.judge_stop(joint, stopped)
+            self.judge_own_stop(joint, stopped)
             return
         with self.subresult(part.names[joint]):
             for text in lost:

@@ -79,7 +79,7 @@ class TorqueControlConsistency(RobotTest):
                 try:
                     self._test(part, form, group)
                 except GuardError as error:
-                    self.blame(error, "runs away", during=form)
+                    self.blame(part, error, "runs away", joints=group, during=form)
                 finally:
                     hold(part, group)
                 part.wait(_MODE_TIME)

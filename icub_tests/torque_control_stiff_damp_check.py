@@ -121,7 +121,7 @@ class TorqueControlStiffDampCheck(RobotTest):
                 trace = self._give_way(part, joint, self.homes[place], 0.0, damper)
                 self._judge(part.names[joint], "damping", damper, trace.velocities[:, joint], trace.torques[:, joint])
         except GuardError as error:
-            self.blame(error, "runs away", "impedance")
+            self.blame(part, error, "runs away", "impedance", joints=[joint])
         finally:
             hold(part, [joint])
             for one, impedance in before.items():

@@ -121,7 +121,7 @@ class DutyTest(JointsTest):
             if problem is None:
                 self.judge(joint, found)
         if isinstance(problem, GuardError) and problem.joint >= 0:
-            self.judge_stop(joint, problem)
+            self.judge_own_stop(joint, problem)
         elif problem is not None:
             with self.subresult(part.names[joint]):
                 raise problem

@@ -9,15 +9,16 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing.guard.limits import GuardError
-from rtf.robot_testing.judging.failure_causes import likely_causes
+from rtf.robot_testing.judging.blame import Evidence, accused
 from rtf.robot_testing.motion.part import TOLERANCE
-from rtf.robot_testing.motion.start_position import hold, late_held_joints
+from rtf.robot_testing.motion.start_position import hold, late_evidence, late_held_joints
+from rtf.robot_testing.motion.stop_evidence import stop_evidence
 from rtf.robot_testing.parameter_checks import swapped_ends
 from rtf.robot_testing.robot_test import RobotTest
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.motion.part import Part
@@ -100,22 +101,34 @@ class JointsTest(RobotTest):
             return
         if part.guard is not None:
             part.guard.halt([*late])  # so that it does not push against an obstacle
-        tested = {joint: f"{late[joint]}; {likely_causes('does not move')}" for joint in self.chosen if joint in late}
+        found, before = late_evidence(part, late), [*self.chosen]
+        wrong = accused(found)
+        doubtful = [joint for joint in late if joint in self.chosen and joint not in wrong]
+        for joint in doubtful:
+            complaint = Evidence(frozenset({joint}), late[joint], certain=False)
+            self.judge_evidence(part, joint, complaint, found)
+        self.chosen = [joint for joint in self.chosen if joint not in doubtful]
+        tested = {joint: one.sentence for joint, one in wrong.items() if joint in self.chosen}
         self._exclude(tested, "does not reach home")
-        others = [text for joint, text in late.items() if joint not in tested]
+        self.fail_others(found, before)
+        others = [text for joint, text in late.items() if joint not in (*tested, *doubtful)]
         self.assert_error_if_true(others, "; ".join(others))
 
     def exclude_stopped(self, error: GuardError) -> None:
-        """Fail the joint that the guard had to stop, leave it without power, and remove it from ``chosen``.
+        """Fail the joints that are to blame for a stop, leave them without power, and remove them from ``chosen``.
 
-        The joints coupled with it end as inconclusive: boards leave them idle together. Raises the error again if its
-        joint is not tested.
+        The joints coupled with them end as inconclusive: boards leave them idle together. Raises the error again if
+        none of them is tested.
         """
-        if error.joint not in self.chosen:
+        found = accused(stop_evidence(self.robot_part, error))
+        tested = [joint for joint in found if joint in self.chosen]
+        if not tested:
             raise error
-        self.fail_and_exclude(
-            error.joint, f"{error}; {likely_causes(error.finding)}", "had to be stopped", excuse=error.excuse
-        )
+        for joint in tested:
+            if joint in self.chosen:
+                one = found[joint]
+                text = one.sentence if str(error) in one.text else f"{one.sentence} ({error})"
+                self.fail_and_exclude(joint, text, "had to be stopped", excuse=one.excuse)
 
     def fail_and_exclude(self, joint: int, text: str, what: str, *, excuse: str = "") -> None:
         """Fail a joint with ``text``, leave it idle because it ``what``, and exclude it and those coupled with it.
@@ -150,18 +163,19 @@ class JointsTest(RobotTest):
                 self.inconclusive(f"{text}; but {excuse}")
             self.check(condition=False, text=text)
 
-    def judge_stop(self, joint: int, error: GuardError) -> None:
-        """Fail the joint that the guard had to stop during the routine of ``joint``.
+    def fail_others(self, evidence: Iterable[Evidence], tested: Sequence[int]) -> None:
+        """Fail the joints beside those that are tested that certain evidence accuses."""
+        for one in evidence:
+            for joint in sorted(one.joints - {*tested} if one.certain else ()):
+                with self.subresult(self.robot_part.names[joint]):
+                    self.check(condition=False, text=one.sentence)
 
-        If that is another joint, ``joint`` is held where it is and ends as inconclusive.
-        """
-        part, stopped = self.robot_part, self.robot_part.names[error.joint]
+    def judge_own_stop(self, joint: int, error: GuardError) -> None:
+        """Judge the stop of a motion during the routine of a joint, see ``judge_stop``; another joint is held, too."""
+        part = self.robot_part
         if error.joint != joint and part.guard is not None:
             part.guard.halt([joint])
-        self._fail(error.joint, f"{error}; {likely_causes(error.finding)}", error.excuse)
-        if error.joint != joint:
-            with self.subresult(part.names[joint]):
-                self.inconclusive(f"{stopped} had to be stopped while {part.names[joint]} was tested")
+        self.judge_stop(part, joint, error)
 
     def retry_without_stopped(self, act: Callable[[], object]) -> None:
         """Call ``act``, and again after each GuardError without the joint that was stopped, see ``exclude_stopped``.
@@ -182,7 +196,7 @@ class JointsTest(RobotTest):
         try:
             yield
         except GuardError as error:
-            self.blame(error, error.finding)
+            self.blame(self.robot_part, error)
 
 
 def command_at(times: FloatArray, commands: Sequence[tuple[float, float]]) -> FloatArray:

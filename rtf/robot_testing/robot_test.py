@@ -27,9 +27,10 @@ from rtf.robot_testing.guard.read_only_board import connect_read_only
 from rtf.robot_testing.guard.safety import Safety
 from rtf.robot_testing.guard.simulated import is_simulated
 from rtf.robot_testing.injected_fault import parse_injection, wrong_fault
-from rtf.robot_testing.judging.failure_causes import likely_causes
+from rtf.robot_testing.judging.blame import Evidence, accused, blame, settle
 from rtf.robot_testing.judging.real_time_checks import CpuPressure, overload
 from rtf.robot_testing.motion.part import Part
+from rtf.robot_testing.motion.stop_evidence import stop_evidence
 from rtf.robot_testing.parameter_checks import refuse, wrong_lists
 from rtf.robot_testing.robot_name import ROBOT_VARIABLE, robot_model, robot_name
 from rtf.robot_testing.slides import as_text, converted, open_board, slides_of
@@ -39,7 +40,7 @@ from rtf.testing import Parameter, TestCase, Unit
 from rtf.testing.permission import has_permission
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import ArrayLike
@@ -88,6 +89,7 @@ class RobotTest(TestCase):
     clock: Clock
     _parts: dict[str, Part]
     _slides: Mapping[str, float] = MappingProxyType({})  # metres a degree of prismatic joints of opened parts
+    _evidence: Mapping[str, list[Evidence]] = MappingProxyType({})  # certain evidence of stops, by part
     _may_move = False
 
     def profile(self, folder: str) -> Iterable[Given]:
@@ -302,18 +304,46 @@ class RobotTest(TestCase):
 
     # Judging -----------------------------------------------------------------------------------------------------
 
-    def blame(self, error: GuardError, *findings: str, during: str = "") -> NoReturn:
-        """Fail the test, or the sub-result, with the guard's error and the likely causes of ``findings``.
+    def judge_stop(self, part: Part, joint: int, error: GuardError, *findings: str) -> None:
+        """Judge the stop of a motion by the guard while a joint was tested: see ``judging/blame.py``.
 
-        A joint that was blocked has causes of its own. The test ends as inconclusive if this machine was too busy to
-        control the joints.
+        Those to blame fail in sub-results of their own, whether they are tested or not. The joint itself, if it is not
+        among them, is inconclusive. ``findings`` are the keys of its likely causes; by default those of the guard.
         """
-        if error.finding == "blocked":
-            findings = (error.finding,)
-        text = f"{during}: {error}" if during else str(error)
-        if error.excuse:
-            self.inconclusive(f"{text}; but {error.excuse}")
-        self.assert_fail(f"{text}; {likely_causes(*findings)}")
+        found = stop_evidence(part, error)
+        known = [*self._evidence.get(part.name, []), *(one for one in found if one.certain)]
+        self._evidence = {**self._evidence, part.name: known}
+        self.judge_evidence(part, joint, _complaint(joint, error, findings), found)
+        for other, evidence in accused(found).items():
+            if other != joint:
+                self.judge_evidence(part, other, evidence, found)
+
+    def explained(self, part: Part, joint: int, group: Collection[int]) -> str:
+        """Return what earlier stops have shown of joints that share motors with one; "" if it is accused itself.
+
+        ``group`` are these joints. With it a value out of bounds is no fault of the joint.
+        """
+        known = self._evidence.get(part.name, [])
+        if any(joint in one.joints for one in known):
+            return ""
+        return next((f"it shares motors: {one.text}" for one in known if not one.joints.isdisjoint(group)), "")
+
+    def judge_evidence(self, part: Part, joint: int, complaint: Evidence, found: Sequence[Evidence]) -> None:
+        """Judge a joint by a complaint and the evidence on the joints of its part, in its sub-result."""
+        with self.subresult(part.names[joint]):
+            settle(self, blame(joint, complaint, found))
+
+    def blame(
+        self, part: Part, error: GuardError, *findings: str, joints: Sequence[int] = (), during: str = ""
+    ) -> NoReturn:
+        """End the test, or the sub-result, of joints that moved together, as the guard had to stop one of them.
+
+        Without ``joints`` it is about all of the part. It fails if one of these is to blame, see ``judge_stop``.
+        """
+        found = stop_evidence(part, error)
+        concerned = joints or range(part.axes)
+        joint = next((one for one in accused(found) if one in concerned), concerned[0])
+        settle(self, blame(joint, _complaint(joint, error, findings, during), found))
 
     # Values ------------------------------------------------------------------------------------------------------
 
@@ -404,6 +434,13 @@ class RobotTest(TestCase):
     def sleep(self, seconds: float) -> None:
         """Wait for ``seconds`` of the robot's time."""
         self.clock.sleep(seconds)
+
+
+def _complaint(joint: int, error: GuardError, findings: Sequence[str], during: str = "") -> Evidence:
+    """Return the complaint about a joint because of a stop; one that was blocked has causes of its own."""
+    causes = (error.finding,) if error.finding == "blocked" or not findings else tuple(findings)
+    text = f"{during}: {error}" if during else str(error)
+    return Evidence(frozenset({joint}), text, causes, certain=False, excuse=error.excuse)
 
 
 #: Time for the first state of a board, s of the robot's clock: usually, and at most on a busy machine.

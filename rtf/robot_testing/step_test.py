@@ -14,8 +14,10 @@ import numpy as np
 
 from rtf.errors import RtfError
 from rtf.middleware.clocks.network_clock import LockstepClock
+from rtf.robot.errors import RobotError
 from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.guard.simulated import is_simulated
+from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.judging.checked_values import CheckedValue, judge_values
 from rtf.robot_testing.judging.failure_causes import likely_causes
 from rtf.robot_testing.judging.real_time_checks import loop_delay, state_delay
@@ -192,8 +194,10 @@ class StepTest(RobotTest):
             self._record(joint, cycles)
             if len(cycles) == self.cycles:
                 self.judge(joint, cycles)
-            if problem is not None:
+            if problem is not None and not isinstance(problem, GuardError):
                 raise problem
+        if isinstance(problem, GuardError):
+            self.judge_stop(part, joint, problem, "runs away")
 
     def _bring(self, joint: int) -> Routine[None]:
         home, _ = self.starts[joint]
@@ -214,7 +218,8 @@ class StepTest(RobotTest):
             late = self._late(joint, [*times, self.now()], [*ages, part.state_age()], trace)
             if late:
                 self.inconclusive(f"{error}; but {late}")
-            self.blame(error, "runs away")
+            error.time = min(error.time, self.now())
+            raise
         now = part.board.control_modes(joint)[0]
         self.assert_true(now is mode, f"{part.names[joint]} left {mode.word} for {now.word} in the middle of a step")
         late = self._late(joint, times, ages, trace)
@@ -317,8 +322,18 @@ class StepTest(RobotTest):
             values, late = self.values(joint, punctual), []
         metres = in_metres(self.robot_part.board, joint)
         values = [value.scaled(*converted(metres, value.symbol)) for value in values]
-        judge_values(self, name, values, late[0] if late else "")
+        excuse = late[0] if late else self.explained(self.robot_part, joint, self._sharing(joint))
+        judge_values(self, name, values, excuse)
         self._require_visible_step(name, cycles)
+
+    def _sharing(self, joint: int) -> list[int]:
+        """Return the joints that share motors with one, if anything is known against any joint."""
+        if not self._evidence:
+            return []
+        try:
+            return Transmission.read_couplings(self.robot_part.board).coupled(joint)
+        except RobotError:
+            return []
 
     def _require_numbers(self, name: str, cycles: list[Cycle]) -> None:
         measured = np.concatenate([one.measured for one in cycles])

@@ -165,7 +165,7 @@ def test_a_stop_on_a_busy_machine_is_inconclusive(
     test.bring_home()
     assert test.chosen == [1, 2]
     assert bench.part.held() == [1, 2]
-    test.judge_stop(1, GuardError("joint1 turns at 153 deg/s, too fast; it was stopped", 1, BUSY))
+    test.judge_own_stop(1, GuardError("joint1 turns at 153 deg/s, too fast; it was stopped", 1, BUSY))
     assert verdicts(said) == {"joint0": Verdict.INCONCLUSIVE, "joint1": Verdict.INCONCLUSIVE}
     reasons = [one.reason for one in said if isinstance(one, SubResultEnded)]
     assert all(reason.endswith(f"; but {BUSY}") for reason in reasons)
@@ -173,17 +173,40 @@ def test_a_stop_on_a_busy_machine_is_inconclusive(
 
 
 @pytest.mark.parametrize(("excuse", "verdict"), [("", Verdict.FAILED), (BUSY, Verdict.INCONCLUSIVE)])
-def test_a_stop_ends_the_sub_result(said: list[Event], made: Callable[..., Any], excuse: str, verdict: Verdict):
+def test_a_stop_ends_the_sub_result(
+    bench: PartBench, said: list[Event], made: Callable[..., Any], excuse: str, verdict: Verdict
+):
     """Whether the test handles the error or not."""
     test, error = made(), GuardError("joint1 turns too fast; it was stopped", 1, excuse)
     with test.subresult("told"):
-        test.blame(error, "runs away", during="group")
+        test.blame(bench.part, error, "runs away", during="group")
     with test.subresult("untold"):
         raise error
     assert verdicts(said) == {"told": verdict, "untold": verdict}
     text = [one.reason for one in said if isinstance(one, SubResultEnded)] if excuse else [*failures(said).values()]
     assert text[0].startswith("group: joint1 turns too fast; it was stopped; ")
     assert ("likely: gains far too large" in text[0]) is not bool(excuse)
+
+
+@pytest.mark.parametrize(("joints", "verdict"), [((1,), Verdict.FAILED), ((0,), Verdict.INCONCLUSIVE)])
+def test_a_stop_of_a_joint_that_did_not_belong_to_a_motion_is_no_failure_of_it(
+    bench: PartBench, said: list[Event], made: Callable[..., Any], joints: tuple[int, ...], verdict: Verdict
+):
+    """It is named; a motion of the joint itself fails."""
+    test, error = made(), GuardError("joint1 turns too fast; it was stopped", 1)
+    with test.subresult("group"):
+        test.blame(bench.part, error, "runs away", joints=joints)
+    assert verdicts(said) == {"group": verdict}
+
+
+def test_a_stop_during_the_turn_of_another_joint_fails_the_stopped_one(
+    bench: PartBench, said: list[Event], made: Callable[..., Any]
+):
+    """In a sub-result of its own; the joint whose turn it was is inconclusive, and names it."""
+    test = made()
+    test.judge_stop(bench.part, 0, GuardError("joint1 turns too fast; it was stopped", 1))
+    assert verdicts(said) == {"joint0": Verdict.INCONCLUSIVE, "joint1": Verdict.FAILED}
+    assert "joint1 turns too fast" in next(one.reason for one in said if isinstance(one, SubResultEnded))
 
 
 def test_errors_of_the_guard_have_an_excuse_on_a_busy_machine(bench: PartBench, monkeypatch: pytest.MonkeyPatch):

@@ -67,8 +67,8 @@ def swung(speed=20.0, play=0.0, delay=0.0):
 def consistency(trace):
     """Return OpticalEncodersConsistency after it has judged such swings of one joint."""
     test = kept_test("OpticalEncodersConsistency", robot_part=PART, transmission=GEARED, chosen=[0])
-    test.swinger = SimpleNamespace(in_doubt=lambda joint: "")
-    test._swings = {0: SimpleNamespace(trace=trace)}
+    test.swinger = SimpleNamespace(verdict=lambda joint, outcome: None)
+    test._swings, test._causes, test._disagreeing = {0: SimpleNamespace(trace=trace)}, [], []
     test._judge(0, Outcome(), trace)
     return test.kept
 
@@ -112,7 +112,7 @@ def test_states_that_are_not_finite_end_their_joint(what):
 def drift(apart):
     """Return OpticalEncodersDrift after it has judged these deviations, measured every six half-swings."""
     test = kept_test("OpticalEncodersDrift", robot_part=PART, transmission=GEARED, chosen=[0], complaints={})
-    test.swinger = SimpleNamespace(in_doubt=lambda joint: "")
+    test.swinger = SimpleNamespace(verdict=lambda joint, outcome: None)
     test._judge(0, 6.0 * np.arange(len(apart)), np.array(apart), 1.0)
     return test.kept
 

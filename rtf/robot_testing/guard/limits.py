@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from rtf.robot.errors import RobotError
@@ -31,11 +32,14 @@ class GuardError(RobotError, TestFailure):
 
     The test fails, as the robot is at fault. It is inconclusive with an ``excuse``: this machine was too busy to
     control joints. ``joint`` is the number of the joint in the part, -1 if it is unknown. ``finding`` is the key of its
-    likely causes.
+    likely causes. ``time`` is that of the violation, s of the robot's clock; infinite: just now.
     """
 
-    def __init__(self, text: str, joint: int = -1, excuse: str = "", finding: str = "stopped") -> None:
+    def __init__(
+        self, text: str, joint: int = -1, excuse: str = "", finding: str = "stopped", time: float = math.inf
+    ) -> None:
         super().__init__(text)
         self.joint = joint
         self.excuse = excuse
         self.finding = finding
+        self.time = time

@@ -282,13 +282,14 @@ class MotionGuard(GuardedPart):
         finding: str = "stopped",
     ) -> NoReturn:
         """Stop joints and raise GuardError with ``text``, even if the board refuses to stop them."""
+        time = self.clock.now()
         try:
             (react or self.halt)(joints)
         except RobotError as error:
             text = f"{text.rpartition('; ')[0]}; it could not be stopped: {error}"
         if self.on_stop is not None:
             self.on_stop(joint)
-        raise GuardError(text, joint, self.excuse(), finding)
+        raise GuardError(text, joint, self.excuse(), finding, time)
 
     # Afterwards ------------------------------------------------------------------------------------------------------
 

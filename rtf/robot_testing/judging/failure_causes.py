@@ -26,6 +26,8 @@ _CAUSES: dict[str, tuple[str, ...]] = {
     ),
     "sticky": ("a damaged tooth of the gearbox", "a kinked cable or tendon", "a dented or dry bearing"),
     "blocked at times": ("something loose in the gearbox", "a cable that hooks", "an obstacle that gave way"),
+    "swapped encoders": ("exchanged connectors", "swapped addresses or channels of the encoders in the configuration"),
+    "swapped motors": ("exchanged connectors of the motors", "swapped channels of the amplifiers in the configuration"),
     "short of limit": (
         "a limit in the configuration beyond the hardware's",
         "an obstacle",

@@ -9,11 +9,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rtf.robot_testing.guard.limits import GuardError
+from rtf.robot_testing.judging.blame import Blame, Evidence, blame
+from rtf.robot_testing.motion.joints_out_of_limits import exclude_joints_out_of_limits
 from rtf.robot_testing.motion.part import PACE
 from rtf.robot_testing.motion.routines import run_to_end, until
+from rtf.robot_testing.motion.stop_evidence import stop_evidence
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
+    from collections.abc import Callable, Collection, Sequence
 
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.guard.transmission import Transmission
@@ -60,16 +63,17 @@ def ends_of(part: Part, joint: int, width: float, low: float | None = None, high
 
 
 class JointSwinger:
-    """Swings the joints of one part. A joint that fails is excluded and left without power; the others go on.
+    """Swings the joints of one part. A joint that is to blame is excluded and left without power; the others go on.
 
     The joints coupled with it are excluded, too: boards leave such joints idle together, and the motions of their
-    motors cannot be told apart any more.
+    motors cannot be told apart any more. ``evidence`` is what the motions have shown of all joints of the part.
     """
 
     def __init__(self, part: Part, transmission: Transmission, *, tolerance: float) -> None:
         self.part = part
         self.transmission = transmission
         self.tolerance = tolerance
+        self.evidence: list[Evidence] = []
         self._doubts: dict[int, str] = {}
 
     def lost(self, joint: int) -> bool:
@@ -79,6 +83,45 @@ class JointSwinger:
     def in_doubt(self, joint: int) -> str:
         """Return why a joint cannot be judged: it is coupled with an excluded one; "" for any other joint."""
         return self._doubts.get(joint, "")
+
+    def verdict(self, joint: int, outcome: Outcome) -> Blame | None:
+        """Return the verdict on a joint by the evidence; None if its swings are complete, and nothing accuses it."""
+        name = self.part.names[joint]
+        certain = [one for one in self.evidence if one.certain and joint in one.joints]
+        if not certain and (doubt := self.in_doubt(joint)):
+            return Blame(failed=False, text=f"{name} {doubt}: it cannot be judged")
+        if not outcome.complaint:
+            return blame(joint, certain[0], certain) if certain else None
+        return blame(joint, _evidence(self.part, joint, outcome), self.evidence)
+
+    def _blamed(self, found: Collection[Evidence], suspects: Collection[int]) -> set[int]:
+        """Keep evidence; return the joints that it accuses with certainty, else the suspects.
+
+        Joints that are excluded already do no more harm: then it is the suspects, too.
+        """
+        self.evidence += [one for one in found if one not in self.evidence]
+        certain = {joint for one in found if one.certain for joint in one.joints}
+        return certain if any(not self.lost(joint) for joint in certain) else {*suspects}
+
+    def begin(self, hold: Callable[[], None]) -> None:
+        """Hold all joints, and exclude those that are out of limits.
+
+        If the guard stops one they are held again without those to blame.
+        """
+        while True:
+            try:
+                hold()
+            except GuardError as error:
+                self.stopped(error)
+            else:
+                break
+        self._exclude_out_of_limits()
+
+    def _exclude_out_of_limits(self) -> None:
+        """Exclude the joints that are far outside of their limits before anything moves, and who is to blame for it."""
+        outside = exclude_joints_out_of_limits(self.part)
+        if outside:
+            self.exclude({*outside, *self._blamed(stop_evidence(self.part, None, self.transmission), outside)})
 
     def exclude(self, joints: Collection[int]) -> None:
         """Exclude joints and those that are coupled with them; leave all of them without power."""
@@ -91,7 +134,10 @@ class JointSwinger:
             self._doubts |= guard.exclude_coupled(joint, "which was left without power")
 
     def swinging(self, joint: int, ends: Ends, count: int, speed: float) -> Routine[Outcome]:
-        """Move one joint through ``count`` half-swings and home again. A joint that the guard stops is excluded."""
+        """Move one joint through ``count`` half-swings and home again.
+
+        If the guard stops a motion the joint that is to blame is excluded; another one is held where it is.
+        """
         targets = [ends.high if number % 2 == 0 else ends.low for number in range(count)]
         return (yield from self.visiting(joint, [(target, speed) for target in (*targets, self.part.home[joint])]))
 
@@ -103,9 +149,32 @@ class JointSwinger:
                 if outcomes:
                     return outcomes[joint]
         except GuardError as error:
-            self.exclude([joint])
-            return Outcome(f"had to be stopped: {error}", ("runs away",), error.excuse)
+            return self._stopped(joint, error)
         return Outcome()
+
+    def _stopped(self, joint: int, error: GuardError) -> Outcome:
+        """Exclude the joint that is to blame for a stop during the swings of a joint, and hold that one."""
+        blamed = self._note(error)
+        if joint not in blamed and self.part.guard is not None:
+            self.part.guard.halt([joint])
+        self.exclude(blamed)
+        what = "had to be stopped" if joint == error.joint else "was not swung to the end"
+        return Outcome(f"{what}: {error}", (error.finding,), error.excuse)
+
+    def stopped(self, error: GuardError) -> dict[int, Outcome]:
+        """Exclude the joints that are to blame for a stop, and return their outcomes.
+
+        Raises the error again if nobody is, or all of them are excluded already.
+        """
+        blamed = self._note(error)
+        if all(self.lost(joint) for joint in blamed):
+            raise error
+        self.exclude(blamed)
+        return {joint: Outcome(f"had to be stopped: {error}", (error.finding,), error.excuse) for joint in blamed}
+
+    def _note(self, error: GuardError) -> set[int]:
+        found = stop_evidence(self.part, error, self.transmission)
+        return self._blamed(found, [error.joint] if error.joint >= 0 else [])
 
     def go(
         self, targets: Sequence[float] | FloatArray, joints: Sequence[int], speeds: Sequence[float]
@@ -140,7 +209,10 @@ class JointSwinger:
             if not unseen:
                 raise
         late = _unseen_outcomes(part, unseen) or watch.late(part)
-        self.exclude(late)
+        if late:
+            found = stop_evidence(part, None, self.transmission)
+            found += [_evidence(part, joint, late[joint], certain=joint in unseen) for joint in late]
+            self.exclude(self._blamed(found, late))
         return failed | {j: self._lost_before(j) for j in going if self.lost(j)} | late
 
     def _lost_before(self, joint: int) -> Outcome:
@@ -155,6 +227,12 @@ def _unseen_outcomes(part: Part, unseen: dict[int, float]) -> dict[int, Outcome]
         )
         for joint, turned in unseen.items()
     }
+
+
+def _evidence(part: Part, joint: int, outcome: Outcome, *, certain: bool = False) -> Evidence:
+    """Return the outcome of a joint as evidence against it."""
+    text = f"{part.names[joint]} {outcome.complaint}"
+    return Evidence(frozenset({joint}), text, outcome.findings, certain, outcome.excuse)
 
 
 class _Watch:

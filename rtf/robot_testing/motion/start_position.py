@@ -9,12 +9,13 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.errors import NotSupportedError, RefusedError
-from rtf.robot_testing.judging.failure_causes import likely_causes
+from rtf.robot_testing.judging.blame import Evidence, accused, blame, settle
 from rtf.robot_testing.motion.part import PACE, TOLERANCE
 from rtf.robot_testing.motion.routines import run_to_end
+from rtf.robot_testing.motion.stop_evidence import stop_evidence
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.motion.part import Part
@@ -49,7 +50,17 @@ def bringing(
 ) -> Routine[None]:
     """Return the routine of ``bring``."""
     late = yield from _hold_and_move(part, joints, targets, speed=speed, tolerance=tolerance)
-    test.assert_fail_if_true(late, f"{'; '.join(late.values())}; {likely_causes('does not move')}")
+    if late:
+        found = late_evidence(part, late)
+        joint = next((one for one in accused(found) if one in late), next(iter(late)))
+        complaint = Evidence(frozenset({joint}), "; ".join(late.values()), ("does not move",), certain=False)
+        settle(test, blame(joint, complaint, found))
+
+
+def late_evidence(part: Part, late: Mapping[int, str]) -> list[Evidence]:
+    """Return the evidence on the joints of a part, some of which have not arrived, as ``late_joints`` says."""
+    found = [Evidence(frozenset({joint}), text, ("does not move",), certain=False) for joint, text in late.items()]
+    return [*stop_evidence(part), *found]
 
 
 def late_joints(

@@ -70,7 +70,12 @@ def test_a_suspended_process_fails_no_joint(bench: Bench):
     bench.board.preempted = True
     bench.device.speeds = {0: 100.0}
     run_queues(bench.part, [[[1]]], routine, pace=0.02)
-    assert outcomes[1].complaint.startswith("had to be stopped: joint0")
+    assert outcomes[1].complaint.startswith("was not swung to the end: joint0")
+    verdict = bench.swinger.verdict(1, outcomes[1])
+    assert verdict is not None
+    assert not verdict.failed
+    assert bench.guard.is_excluded(0)
+    assert not bench.guard.is_excluded(1)
 
 
 def test_an_undetected_motion_excludes_the_coupled_joints(bench: Bench):

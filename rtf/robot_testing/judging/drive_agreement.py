@@ -1,0 +1,147 @@
+"""Agreement of motors with their duty cycles: which motor, or which joint, does not follow, and which are exchanged.
+
+A motor with a large duty cycle turns in its direction, or is held by something. This is true of any motor and any
+load, so no model of either is needed; it is asked only after a motion that has gone wrong. Joints that share motors are
+compared with the motors: a jam shows in the motion of one joint, a dead motor in the turns of one rotor, while the
+controllers of the joints drive all of their motors. The explanation with the fewest culprits holds. A limb that is out
+of control may press others against something; a cause comes first, so who stopped to follow first is accused.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from rtf.robot_testing.judging.blame import Evidence
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
+
+    from rtf.robot.interfaces import FloatArray
+
+#: Duty cycle that no healthy joint needs in free motion at the speeds of tests, %: twice what counts as pressing.
+_LARGE = 30.0
+#: A motor that is slower than this, deg/s of the joint, does not turn.
+_SLOW = 1.0
+#: Shortest time for which a motor must not follow, s: a fast joint that brakes is pushed back for less.
+_LASTING = 0.15
+#: A motor turns against its duty cycle, and does not only stand still, by this way, deg of the joint.
+_WAY = 5.0
+#: Two motors are exchanged if each turns with the duty cycle of the other one for this share of the states in which it
+#: turns clearly, deg/s of the joint; and the fewest of these.
+_MOSTLY, _CLEARLY, _FEWEST = 0.7, 10.0, 5
+#: Who stops to follow later than the first one by this time, s, is not accused.
+_LATER = 0.1
+
+
+class Drive(NamedTuple):
+    """The last moments of a motion: times (s), and arrays (states, axes).
+
+    ``duties`` (%) are positive where they turn a motor and its joints in the positive direction; ``joints`` are the
+    positions of the joints, ``turns`` those of the rotors by their gearbox ratios (deg).
+    """
+
+    time: FloatArray
+    duties: FloatArray
+    joints: FloatArray
+    turns: FloatArray
+    coupling: FloatArray
+
+
+def drive_evidence(drive: Drive, names: Sequence[str]) -> list[Evidence]:
+    """Return the evidence on motors and joints that do not follow their duty cycles; none if all do."""
+    if len(drive.time) < 2:  # noqa: PLR2004 - speeds need two
+        return []
+    turning = _speeds(drive.time, drive.turns) / np.abs(drive.coupling).max(axis=1)
+    efforts = drive.duties @ drive.coupling / np.abs(drive.coupling).sum(axis=0)
+    motors = _stubborn(drive.time, drive.duties, turning)
+    joints = _stubborn(drive.time, efforts, _speeds(drive.time, drive.joints))
+    if pair := _exchanged(motors, drive.duties, turning):
+        what = f"the motors of {names[pair[0]]} and {names[pair[1]]} are swapped"
+        return [Evidence(frozenset(pair), f"{what}: each turns by the duty cycle of the other", ("swapped motors",))]
+    found: list[tuple[float, Evidence]] = []
+    for group in _groups(drive.coupling):
+        of_motors, of_joints = [one for one in group if one in motors], [one for one in group if one in joints]
+        if len(group) == 1 or len(of_motors) < len(of_joints) or not of_joints:
+            found += [(motors[one], _motor(drive, one, names)) for one in of_motors]
+        else:
+            found += [(joints[one], _joint(one, names, float(_recent(drive, efforts)[one]))) for one in of_joints]
+    first = min((since for since, _ in found), default=0.0)
+    return [one for since, one in found if since <= first + _LATER]
+
+
+def _speeds(time: FloatArray, positions: FloatArray) -> FloatArray:
+    gaps = np.gradient(time)
+    speeds: FloatArray = np.gradient(positions, axis=0) / np.where(gaps > 0, gaps, np.inf)[:, None]
+    return speeds
+
+
+def _stubborn(time: FloatArray, efforts: FloatArray, speeds: FloatArray) -> dict[int, float]:
+    """Return the axes that have not moved with a large effort for some time until the end, each with its begin (s)."""
+    follows = (np.abs(efforts) < _LARGE) | (speeds * np.sign(efforts) >= _SLOW)
+    recent = time >= time[-1] - _LASTING
+    found = {}
+    for axis in np.flatnonzero(follows[recent].mean(axis=0) <= 1.0 - _MOSTLY):
+        followed = np.flatnonzero(follows[~recent, axis])
+        found[int(axis)] = float(time[followed[-1] + 1] if followed.size else time[0])
+    return found
+
+
+def _exchanged(motors: Iterable[int], duties: FloatArray, turning: FloatArray) -> tuple[int, int] | None:
+    """Return the two motors of which each turns by the duty cycle of the other one, at least one not by its own."""
+    best, found = 0, None
+    for motor in motors:
+        for other in range(duties.shape[1]):
+            shares = _turning_by(duties[:, motor], turning[:, other]), _turning_by(duties[:, other], turning[:, motor])
+            own = _turning_by(duties[:, other], turning[:, other])
+            if other != motor and min(shares) > max(best, own):
+                best, found = min(shares), (min(motor, other), max(motor, other))
+    return found
+
+
+def _turning_by(duty: FloatArray, speed: FloatArray) -> int:
+    """Return in how many states a motor turns clearly with a large duty cycle; 0 if it does in too few of all."""
+    turns: NDArray[np.bool_] = np.abs(speed) >= _CLEARLY
+    with_it = int((turns & (np.abs(duty) >= _LARGE / 2) & (speed * duty > 0)).sum())
+    return with_it if with_it >= max(_FEWEST, _MOSTLY * int(turns.sum())) else 0
+
+
+def _recent(drive: Drive, values: FloatArray) -> FloatArray:
+    """Return the median values of the last moments."""
+    median: FloatArray = np.median(values[drive.time >= drive.time[-1] - _LASTING], axis=0)
+    return median
+
+
+def _groups(coupling: FloatArray) -> list[list[int]]:
+    """Return the groups of axes that are coupled, directly or through others."""
+    linked = (coupling != 0) | (coupling != 0).T
+    left, groups = [*range(len(coupling))], []
+    while left:
+        group, waiting = set[int](), {left[0]}
+        while waiting:
+            group |= waiting
+            waiting = {int(other) for one in waiting for other in np.flatnonzero(linked[one])} - group
+        groups.append(sorted(group))
+        left = [axis for axis in left if axis not in group]
+    return groups
+
+
+def _motor(drive: Drive, motor: int, names: Sequence[str]) -> Evidence:
+    turned = float(drive.turns[-1, motor] - drive.turns[0, motor]) / float(np.abs(drive.coupling[motor]).max())
+    duty = float(_recent(drive, drive.duties)[motor])
+    turned_by = [names[int(joint)] for joint in np.flatnonzero(drive.coupling[motor])]
+    what = f"the motor of {names[motor]}"
+    if len(turned_by) > 1:
+        what += f", which moves {' and '.join(turned_by)},"
+    if turned * duty < 0 and abs(turned) > _WAY:
+        text = f"{what} turns against its duty cycle: by {turned:+.1f} deg of the joint, at {duty:+.0f} %"
+        return Evidence(frozenset({motor}), text, ("does not move", "sign"))
+    return Evidence(frozenset({motor}), f"{what} does not turn at a duty cycle of {duty:+.0f} %", ("does not move",))
+
+
+def _joint(joint: int, names: Sequence[str], effort: float) -> Evidence:
+    text = f"{names[joint]} does not move, although its motors drive it with {effort:+.0f} %"
+    return Evidence(frozenset({joint}), text, ("does not move",))

@@ -1,0 +1,63 @@
+"""Evidence on a motion that went wrong, from the last states of the part: whose fault it was.
+
+The states before the guard stopped a joint, or before a joint was found not to have arrived, show which encoders
+disagree, and which motors do not follow. That the guard stopped a joint is evidence, too, but an uncertain one.
+"""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtf.robot.errors import RobotError
+from rtf.robot.extended_state import Field
+from rtf.robot_testing.guard.transmission import Transmission
+from rtf.robot_testing.judging.blame import Evidence
+from rtf.robot_testing.judging.drive_agreement import Drive, drive_evidence
+from rtf.robot_testing.judging.encoder_agreement import Motion, encoder_evidence
+
+if TYPE_CHECKING:
+    from rtf.robot_testing.guard.limits import GuardError
+    from rtf.robot_testing.motion.part import Part
+
+#: The time before a stop in which encoders are compared, and motors with their duty cycles, s.
+_COMPARED = 5.0
+#: The least number of states.
+_FEWEST = 10
+_NEEDED = (Field.JOINT_POSITIONS, Field.MOTOR_POSITIONS, Field.DUTY_CYCLES)
+
+
+def stop_evidence(
+    part: Part, error: GuardError | None = None, transmission: Transmission | None = None
+) -> list[Evidence]:
+    """Return the evidence on the joints of a part after a motion that went wrong, the certain one first.
+
+    ``error`` is the guard's, if it had to stop a joint. Without ``transmission`` it is read from the board.
+    """
+    found: list[Evidence] = []
+    with suppress(RobotError):  # then the encoders cannot be compared, and the guard's word counts
+        known = transmission or Transmission.read(part.board)
+        found = _by_sensors(part, math.inf if error is None else error.time, known)
+    if error is not None and error.joint >= 0:
+        stopped = frozenset({error.joint})
+        found.append(Evidence(stopped, str(error), (error.finding,), certain=False, excuse=error.excuse))
+    return found
+
+
+def _by_sensors(part: Part, until: float, transmission: Transmission) -> list[Evidence]:
+    states = part.history.copy()
+    if len(states) < _FEWEST or not all(states.newest[1].valid[field] for field in _NEEDED):
+        return []
+    time = states.local_time
+    before = time <= until
+    chosen = before & (time > time[before].max(initial=-math.inf) - _COMPARED)
+    if chosen.sum() < _FEWEST:
+        return []
+    joints, motors = states.positions[chosen], states.motor_positions[chosen]
+    gearbox, coupling = transmission.gearbox, transmission.coupling
+    found = encoder_evidence(Motion.of(joints, motors, gearbox, coupling), part.names)
+    duties = states.duty_cycles[chosen] * np.sign(gearbox)
+    return found or drive_evidence(Drive(time[chosen], duties, joints, motors / gearbox, coupling), part.names)
