@@ -21,6 +21,8 @@ from rtf.robot_testing.parameter_checks import joint_count
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Trace
     from rtf.robot_testing.judging.robust_line import Slopes
@@ -106,6 +108,9 @@ class OpticalEncodersConsistency(JointsTest):
     plot_string_3 = Parameter(str, "accepted and ignored", default="", key="plotString3")
     plot_string_4 = Parameter(str, "accepted and ignored", default="", key="plotString4")
 
+    _causes: Sequence[Evidence] = ()  # single encoders that explain the disagreement of motors
+    _disagreeing: Sequence[int] = ()  # the motors that disagree with the joints
+
     def parameter_problems(self) -> list[str]:
         """Add the error of a matrix whose size does not fit the joints."""
         problems, size = super().parameter_problems(), joint_count(self) or self.matrix_size
@@ -145,8 +150,6 @@ class OpticalEncodersConsistency(JointsTest):
         part = self.robot_part
         self._swings: dict[int, _Swing] = {}
         self._moving = set[int]()
-        self._causes: list[Evidence] = []
-        self._disagreeing: list[int] = []
         run_queues(part, part.one_at_a_time(self.chosen), self._routine, pace=PACE)
         self._compare_with_expected()
         self._compare_all()

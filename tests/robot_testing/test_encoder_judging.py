@@ -68,7 +68,7 @@ def consistency(trace):
     """Return OpticalEncodersConsistency after it has judged such swings of one joint."""
     test = kept_test("OpticalEncodersConsistency", robot_part=PART, transmission=GEARED, chosen=[0])
     test.swinger = SimpleNamespace(verdict=lambda joint, outcome: None)
-    test._swings, test._causes, test._disagreeing = {0: SimpleNamespace(trace=trace)}, [], []
+    test._swings = {0: SimpleNamespace(trace=trace)}
     test._judge(0, Outcome(), trace)
     return test.kept
 
