@@ -91,6 +91,7 @@ class PositionStress(JointsTest):
             self.judge_own_stop(joint, stopped)
             return
         with self.subresult(part.names[joint]):
+            self.end_if_explained(joint)
             for text in lost:
                 self.check(False, text)
             self._judge(joint, trace, commanded)

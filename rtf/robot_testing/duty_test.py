@@ -119,6 +119,7 @@ class DutyTest(JointsTest):
             for ways in found:
                 self._keep(ways)
             if problem is None:
+                self.end_if_explained(joint)
                 self.judge(joint, found)
         if isinstance(problem, GuardError) and problem.joint >= 0:
             self.judge_own_stop(joint, problem)

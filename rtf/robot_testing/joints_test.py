@@ -170,6 +170,11 @@ class JointsTest(RobotTest):
                 with self.subresult(self.robot_part.names[joint]):
                     self.check(condition=False, text=one.sentence)
 
+    def end_if_explained(self, joint: int) -> None:
+        """End a joint as inconclusive that shares motors with one that is to blame for an earlier stop."""
+        if text := self.explained(self.robot_part, joint):
+            self.inconclusive(f"{self.robot_part.names[joint]} cannot be judged: {text}")
+
     def judge_own_stop(self, joint: int, error: GuardError) -> None:
         """Judge the stop of a motion during the routine of a joint, see ``judge_stop``; another joint is held, too."""
         part = self.robot_part

@@ -40,7 +40,7 @@ from rtf.testing import Parameter, TestCase, Unit
 from rtf.testing.permission import has_permission
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import ArrayLike
@@ -318,15 +318,16 @@ class RobotTest(TestCase):
             if other != joint:
                 self.judge_evidence(part, other, evidence, found)
 
-    def explained(self, part: Part, joint: int, group: Collection[int]) -> str:
+    def explained(self, part: Part, joint: int) -> str:
         """Return what earlier stops have shown of joints that share motors with one; "" if it is accused itself.
 
-        ``group`` are these joints. With it a value out of bounds is no fault of the joint.
+        With it a value out of bounds is no fault of the joint.
         """
         known = self._evidence.get(part.name, [])
-        if any(joint in one.joints for one in known):
+        if not known or part.guard is None or any(joint in one.joints for one in known):
             return ""
-        return next((f"it shares motors: {one.text}" for one in known if not one.joints.isdisjoint(group)), "")
+        sharing = {*part.guard.coupled_with(joint)}
+        return next((f"it shares motors: {one.text}" for one in known if one.joints & sharing), "")
 
     def judge_evidence(self, part: Part, joint: int, complaint: Evidence, found: Sequence[Evidence]) -> None:
         """Judge a joint by a complaint and the evidence on the joints of its part, in its sub-result."""

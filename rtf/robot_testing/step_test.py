@@ -14,10 +14,8 @@ import numpy as np
 
 from rtf.errors import RtfError
 from rtf.middleware.clocks.network_clock import LockstepClock
-from rtf.robot.errors import RobotError
 from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.guard.simulated import is_simulated
-from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.judging.checked_values import CheckedValue, judge_values
 from rtf.robot_testing.judging.failure_causes import likely_causes
 from rtf.robot_testing.judging.real_time_checks import loop_delay, state_delay
@@ -322,18 +320,9 @@ class StepTest(RobotTest):
             values, late = self.values(joint, punctual), []
         metres = in_metres(self.robot_part.board, joint)
         values = [value.scaled(*converted(metres, value.symbol)) for value in values]
-        excuse = late[0] if late else self.explained(self.robot_part, joint, self._sharing(joint))
+        excuse = late[0] if late else self.explained(self.robot_part, joint)
         judge_values(self, name, values, excuse)
         self._require_visible_step(name, cycles)
-
-    def _sharing(self, joint: int) -> list[int]:
-        """Return the joints that share motors with one, if anything is known against any joint."""
-        if not self._evidence:
-            return []
-        try:
-            return Transmission.read_couplings(self.robot_part.board).coupled(joint)
-        except RobotError:
-            return []
 
     def _require_numbers(self, name: str, cycles: list[Cycle]) -> None:
         measured = np.concatenate([one.measured for one in cycles])

@@ -269,3 +269,21 @@ def test_the_recorded_command_is_the_last_one():
     """Before the first command it is the first one, so that the plot has a line."""
     told = [(1.0, 10.0), (2.0, -10.0)]
     assert command_at(np.array([0.5, 1.0, 1.9, 2.0, 9.0]), told).tolist() == [10.0, 10.0, 10.0, -10.0, -10.0]
+
+
+def test_a_joint_that_shares_motors_with_a_culprit_is_not_judged(
+    bench: PartBench, said: list[Event], made: Callable[..., Any]
+):
+    """What a stop has shown with certainty explains values of its neighbour in the coupling, and of no other joint."""
+    test = made()
+    bench.board.set_reference_speeds([100.0] * 3)
+    bench.board.position_move([0.0, 20.0, 0.0])
+    bench.device.shown = {1: 0.0}
+    for _ in range(40):
+        bench.time.sleep(0.02)
+    test.judge_stop(bench.part, 1, GuardError("joint1 turns too fast; it was stopped", 1))
+    assert verdicts(said) == {"joint1": Verdict.FAILED}
+    assert [bool(test.explained(bench.part, joint)) for joint in range(3)] == [False, False, True]
+    with test.subresult("joint2"):
+        test.end_if_explained(2)
+    assert verdicts(said)["joint2"] is Verdict.INCONCLUSIVE
