@@ -214,8 +214,8 @@ def _suites(robot: RobotModel) -> tuple[list[str], dict[str, str]]:
         for word in ("--suite", str(folder / f"simulated-{name}.xml"))
     ]
     defined = {"model": str(robot.folder / FILE), "parts": " ".join(robot.parts), "torque_parts": " ".join(torque)}
-    defined["seed"] = "0"  # a later --define counts
-    needed = ["model", "seed", "parts", *(["torque_parts"] if torque else [])]
+    defined["seed"] = defined["unit"] = "0"  # a later --define counts
+    needed = ["model", "seed", "unit", "parts", *(["torque_parts"] if torque else [])]
     defines = [word for name in needed for word in ("--define", f"{name}={defined[name]}")]
     return [*suites, *defines], {name: why for name, why in obstacles.items() if why}
 

@@ -74,6 +74,7 @@ def simulator(words: Sequence[str]) -> int:
             robot=options.robot or "",
             parts=options.parts,
             seed=options.seed,
+            unit=options.unit,
             lockstep=options.lockstep,
             factor=options.realtime_factor,
             cameras=options.cameras,
@@ -108,6 +109,9 @@ def _parser() -> Parser:
     parser.add_argument("--robot", metavar="NAME", type=_robot, help="the beginning of its ports (default: MODELSim)")
     parser.add_argument("--parts", metavar="A,B", type=_parts, default=(), help="the parts to serve (default: all)")
     parser.add_argument("--seed", metavar="N", type=count, default=0, help="where all that is random begins")
+    parser.add_argument(
+        "--unit", metavar="N", type=count, default=0, help="the robot of the population (default: 0, the nominal one)"
+    )
     pace = parser.add_mutually_exclusive_group()
     pace.add_argument("--lockstep", action="store_true", help="time passes only while all who take part wait for it")
     pace.add_argument(

@@ -83,7 +83,7 @@ class BoardState(MotorBoard, BoardDriver):
     def connect(self, configuration: Property) -> list[BoardAxis]:
         """Return the axes: the hardware is the simulation."""
         del configuration
-        return board_axes(self.axes, self.plant.axis_inertia(self.data))
+        return board_axes(self.axes, self.plant.inertia, self.plant.unit.factors("gain", 3, len(self.axes)))
 
     def update(self) -> None:
         """Do nothing: the simulation keeps the state up to date."""
@@ -108,6 +108,8 @@ class BoardState(MotorBoard, BoardDriver):
         self._drive = (np.sign(self.gearbox)[:, None] * self.joint_to_motor).T
         self._undrive = np.linalg.inv(self._drive)
         self._ticks_a_radian = self.resolution * self.scale
+        zeros = self.plant.unit.zeros(self.axes) * self.resolution
+        self._zeros = zeros if zeros.any() else None  # offsets of the encoders, ticks
         self._rotor_ticks = self.rotor_resolution / _TURN  # a degree
         self.temperature = np.full(count, AMBIENT)
         self.heat = _HEATING / self.nominal_current**2
@@ -141,6 +143,8 @@ class BoardState(MotorBoard, BoardDriver):
             return
         self._measured_tick = self.tick
         np.multiply(self._length, self._ticks_a_radian, out=self._scratch)
+        if self._zeros is not None:
+            self._scratch += self._zeros
         np.rint(self._scratch, out=self._ticks)
         if self._encoder_shift is not None or self.encoder_faults:
             self._distort()
@@ -274,9 +278,15 @@ class BoardState(MotorBoard, BoardDriver):
         self._motor_shift[axes] += values - self.motor_motion()[0][axes]
 
 
-def board_axes(axes: Sequence[Axis], inertia: FloatArray) -> list[BoardAxis]:
-    """Return the configuration of the boards of these axes, with gains for their inertia (kg m²)."""
-    return [_board_axis(axis, pid) for axis, pid in zip(axes, position_pids(axes, inertia), strict=True)]
+def board_axes(axes: Sequence[Axis], inertia: FloatArray, factors: FloatArray) -> list[BoardAxis]:
+    """Return the configuration of the boards of these axes, with gains for their inertia (kg m²).
+
+    ``factors`` of the gains kp, kd and ki have the shape (3, axes).
+    """
+    return [
+        _board_axis(axis, pid._replace(kp=pid.kp * kp, kd=pid.kd * kd, ki=pid.ki * ki))
+        for axis, pid, (kp, kd, ki) in zip(axes, position_pids(axes, inertia), factors.T.tolist(), strict=True)
+    ]
 
 
 def _board_axis(axis: Axis, pid: Pid) -> BoardAxis:

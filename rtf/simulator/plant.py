@@ -36,6 +36,7 @@ from rtf.robot.model.description import fix_root, load_description
 from rtf.robot.model.engine import mujoco
 from rtf.robot.model.errors import RobotModelError
 from rtf.simulator import collisions, model_sensors, scene, workspace
+from rtf.simulator.units import Unit, vary
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -71,6 +72,7 @@ class Options:
     damping: bool = True
     timestep: float = TIMESTEP  # s
     workspace: bool = False  # with cameras: a drawing of the robot's workspace
+    unit: int = 0  # the robot of the population (rtf.simulator.units); 0: the nominal one
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,12 +82,14 @@ class Plant:
     robot: RobotModel
     model: Any  # mujoco.MjModel
     home: NDArray[np.float64]  # qpos of the pose without contacts
-    home_axes: NDArray[np.float64]  # the same as axes (rad, m)
+    home_axes: NDArray[np.float64]  # the same as axes, by the encoders (rad, m)
     dofs: tuple[NDArray[np.intp], ...]  # the joint of each axis; of a tendon those of all its joints
     friction: NDArray[np.float64]  # (nv,), dry, Nm at each joint, as built
     jacobian: NDArray[np.float64]  # (axes, nv), in every pose: speeds of the axes = jacobian @ data.qvel
     ft_sensors: tuple[FtSensor, ...]
     imus: tuple[ImuSensor, ...]
+    unit: Unit
+    inertia: NDArray[np.float64]  # of each axis at home, of the nominal robot, for the gains of controllers (kg m2, kg)
     _addresses: NDArray[np.intp]  # in qpos of the joints that the axes move
     _axes_to_joints: NDArray[np.float64]
     _forces_to_torques: NDArray[np.float64]
@@ -153,7 +157,7 @@ def build(robot: RobotModel, options: Options | None = None) -> Plant:
     if robot.description.suffix.lower() != ".urdf":  # whose shapes collide as they are, those of fixed links, too
         fixed |= {body.name for body in spec.bodies if body.geoms and body.name != "world"}
     collisions.exclude_near(spec, moving | fixed, robot.body.near)
-    return _compiled(spec, robot)
+    return _compiled(spec, robot, Unit(options.unit))
 
 
 def _set_engine(spec: Any, options: Options) -> None:
@@ -284,7 +288,7 @@ def _shape(spec: Any, robot: RobotModel, published: list[Any], attached: list[An
         scene.add_scene(spec, robot.scene, published, attached, keep_meshes=options.collision == "hulls")
 
 
-def _compiled(spec: Any, robot: RobotModel) -> Plant:
+def _compiled(spec: Any, robot: RobotModel, unit: Unit) -> Plant:
     try:
         model = spec.compile()
     except ValueError as error:
@@ -304,12 +308,18 @@ def _compiled(spec: Any, robot: RobotModel) -> Plant:
         home=np.empty(0),
         home_axes=home,
         dofs=tuple(np.flatnonzero(row) for row in jacobian),
-        friction=model.dof_frictionloss.copy(),
+        friction=np.empty(0),
         jacobian=jacobian,
         ft_sensors=model_sensors.ft_sensors(model, robot),
         imus=model_sensors.imu_sensors(model, robot),
+        unit=unit,
+        inertia=np.empty(0),
         _addresses=model.jnt_qposadr[model.dof_jntid[driven]].astype(np.intp),
         _axes_to_joints=inverse(square).astype(np.float64),
         _forces_to_torques=to_torques,
     )
-    return replace(plant, home=plant.pose(home))
+    nominal = replace(plant, home=plant.pose(home))
+    inertia = nominal.axis_inertia(nominal.data())
+    vary(model, unit, robot.axes, jacobian, [*robot.sensors.force_torque, *robot.sensors.inertial])
+    offsets = unit.zeros(robot.axes) * np.array([axis.internal for axis in robot.axes])
+    return replace(nominal, home=plant.pose(home - offsets), friction=model.dof_frictionloss.copy(), inertia=inertia)

@@ -46,6 +46,7 @@ class Settings:
     robot: str = ""  # the prefix of its ports; that of the model
     parts: tuple[str, ...] = ()  # all
     seed: int = 0
+    unit: int = 0  # of the population
     lockstep: bool = False
     factor: float = 1.0
     cameras: str = "no"
@@ -141,8 +142,9 @@ class _Program:
         _say(f"sensors: {' '.join(sorted(set(streams) - of_parts))}")
         pace = "lockstep" if settings.lockstep else f"factor {settings.factor:g}"
         duration = clock.monotonic() - self._began
+        unit = f", unit {settings.unit}" if settings.unit else ""
         line = (
-            f"READY {name} in {duration:.2f} s: {len(robot.parts)} parts, {len(streams)} streams, "
+            f"READY {name}{unit} in {duration:.2f} s: {len(robot.parts)} parts, {len(streams)} streams, "
             f"{len(robot.cameras)} cameras, clock {robot.clock.name} ({pace}), control {control_port(name)}"
         )
         if settings.ready_file is not None:
@@ -210,7 +212,7 @@ def _simulated(model: RobotModel, name: str, settings: Settings, network: Networ
         cameras=cameras,
         state_rate=settings.state_rate or STATE_RATE,
         camera_rate=settings.camera_rate or CAMERA_RATE,
-        options=Options(collision=settings.collision, cameras=cameras),
+        options=Options(collision=settings.collision, cameras=cameras, unit=settings.unit),
         clock=settings.clock,
     )
 

@@ -62,7 +62,7 @@ class SimulationDevice(Device):
                     lockstep=settings.lockstep,
                     factor=settings.factor,
                     cameras=settings.cameras,
-                    options=Options(collision=settings.collision, cameras=settings.cameras),
+                    options=Options(collision=settings.collision, cameras=settings.cameras, unit=settings.unit),
                     clock=settings.clock,
                     serve=False,
                 )

@@ -32,6 +32,7 @@ class SimulationSettings:
     ``lockstep``  whether time passes only while all participants wait for it (no)
     ``factor``    otherwise the greatest real-time factor (1)
     ``seed``      of the random numbers (0)
+    ``unit``      the robot of the population (0, the nominal one)
     ``collision`` capsules, hulls or none (capsules)
     ``cameras``   whether its cameras render (no)
     ============= =====================================================================================
@@ -43,6 +44,7 @@ class SimulationSettings:
     lockstep: bool
     factor: float
     seed: int
+    unit: int
     collision: Collision
     cameras: bool
 
@@ -53,16 +55,14 @@ class SimulationSettings:
             model = load_robot(as_string(configuration.get("model", DEFAULT_ROBOT)))
         except RobotModelError as error:
             raise wrong(configuration, "model", str(error)) from error
-        seed = configuration.get("seed", 0)
-        if not isinstance(seed, int) or seed < 0:
-            raise wrong(configuration, "seed", f"{to_string(seed)} is no whole number from 0")
         return cls(
             model=model,
             name=(as_string(configuration.get("robot", "")) or model.simulated_name).strip("/"),
             clock=port_name(configuration, "clock", CLOCK_PORT),
             lockstep=flag(configuration, "lockstep"),
             factor=positive(configuration, "factor", 1.0),
-            seed=seed,
+            seed=_number(configuration, "seed"),
+            unit=_number(configuration, "unit"),
             collision=_collision(configuration),
             cameras=flag(configuration, "cameras"),
         )
@@ -90,6 +90,13 @@ def simulation_in(robot: Robot) -> SimulationSettings | None:
         if entry.kind in SIMULATION:
             return SimulationSettings.read(entry.configuration)
     return None
+
+
+def _number(configuration: Property, key: str) -> int:
+    value = configuration.get(key, 0)
+    if not isinstance(value, int) or value < 0:
+        raise wrong(configuration, key, f"{to_string(value)} is no whole number from 0")
+    return value
 
 
 def _collision(configuration: Property) -> Collision:

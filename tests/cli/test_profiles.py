@@ -49,6 +49,15 @@ def test_a_validated_profile_is_named_without_a_warning(folder: Path):
         assert profiles(folder, inside) == ({"profile.bench": "chosen"}, [])
 
 
+def test_simulated_units_are_named(folder: Path):
+    """In the facts of the run, and as a warning, as the robot is not the nominal one; unit 0 is."""
+    facts, (said,) = profiles(folder, '<fixture param="--unit 7"> simulator </fixture>')
+    assert facts == {"simulated units": "7"}
+    assert said.severity is Severity.WARNING
+    assert said.text == "unit 7 of the population is simulated, not the nominal robot"
+    assert profiles(folder, '<fixture param="--unit 0"> simulator </fixture>') == ({}, [])
+
+
 def test_a_robot_that_cannot_be_read_is_a_warning(folder: Path):
     """A robot model that cannot be read is a warning of the run."""
     facts, (said,) = profiles(folder, "<environment>--robotmodel tin</environment>")
