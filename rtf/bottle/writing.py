@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 _BARE = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*")
 _BOOLEANS = ("true", "false")
 _TRUTHS = (0, ord("1"))
+_SPECIAL = re.compile(r'[\\"\n\r\0]')
 _ESCAPES = str.maketrans({"\\": "\\\\", '"': '\\"', "\n": "\\n", "\r": "\\r", "\0": "\\0"})
 
 
@@ -58,6 +59,8 @@ def quote(text: str) -> str:
     """Return a string: bare if it looks like a name, else in double quotes; TAB and letters are not escaped."""
     if _BARE.fullmatch(text) and text not in _BOOLEANS:
         return text
+    if _SPECIAL.search(text) is None:  # several times faster than a translation that changes nothing
+        return f'"{text}"'
     return f'"{text.translate(_ESCAPES)}"'
 
 
