@@ -155,6 +155,7 @@ class Children:
     def _spawn(self, launch: Launch, number: int, mark: str, stdin: int) -> Child:
         ours, theirs = _pipe(held=launch.hold)
         name, _, value = mark.partition("=")
+        others = {key: text for key, text in launch.variables.items() if key not in (MARK, HELD_MARK)}
         try:
             process = subprocess.Popen(
                 launch.words,
@@ -162,7 +163,7 @@ class Children:
                 stdin=stdin,
                 stdout=theirs if launch.log is not None or not launch.hold else subprocess.DEVNULL,
                 stderr=subprocess.STDOUT,
-                env={**launch.variables, name: value},
+                env={**others, name: value},
                 cwd=launch.directory,
                 start_new_session=True,
             )

@@ -19,23 +19,24 @@ if TYPE_CHECKING:
 
 #: The variable of the mark. Children that outlive their node have the second one, which the keeper spares.
 MARK, HELD_MARK = "RTF_RUN_CHILD", "RTF_RUN_HELD"
-_KERNEL = 2  # the process whose children are the threads of the kernel
+#: The flag of the kernel's own threads, PF_KTHREAD of linux/sched.h.
+_KERNEL = 0x00200000
 #: Seconds between two looks at a process that has no environment, as in the middle of ``exec``, and their number.
 _EXEC, _LOOKS = 0.001, 3
 #: Seconds between two looks at what is ending.
 _LOOK = 0.05
-_STATE, _PARENT, _GROUP, _START = 0, 1, 2, 19  # places in /proc/PID/stat behind the name, see proc(5)
+_STATE, _GROUP, _FLAGS, _START = 0, 2, 6, 19  # places in /proc/PID/stat behind the name, see proc(5)
 
 
 @dataclass(frozen=True, slots=True)
 class ProcessState:
-    """A process: its parent and group, and when it was started, in ticks since the machine was."""
+    """A process: its group, and when it was started, in ticks since the machine was."""
 
     pid: int
-    parent: int
     group: int
     started: int
     zombie: bool
+    of_kernel: bool
 
 
 def look_at(pid: int) -> ProcessState | None:
@@ -45,8 +46,8 @@ def look_at(pid: int) -> ProcessState | None:
             words = stream.read().rpartition(b")")[2].split()
     except OSError:
         return None
-    zombie = words[_STATE] in (b"Z", b"X")
-    return ProcessState(pid, int(words[_PARENT]), int(words[_GROUP]), int(words[_START]), zombie)
+    zombie, of_kernel = words[_STATE] in (b"Z", b"X"), bool(int(words[_FLAGS]) & _KERNEL)
+    return ProcessState(pid, int(words[_GROUP]), int(words[_START]), zombie, of_kernel)
 
 
 def lives(process: ProcessState) -> bool:
@@ -59,7 +60,7 @@ def all_processes() -> Iterator[ProcessState]:
     """All processes of the machine that live, without the threads of the kernel."""
     for name in os.listdir("/proc"):  # noqa: PTH208 - names only
         found = look_at(int(name)) if name.isdecimal() else None
-        if found is not None and not found.zombie and found.parent != _KERNEL:
+        if found is not None and not (found.zombie or found.of_kernel):
             yield found
 
 

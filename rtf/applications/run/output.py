@@ -10,9 +10,11 @@ from collections import deque
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Bottle
+from rtf.logs.record import bytes_of
 from rtf.middleware.errors import MiddlewareError
 from rtf.middleware.ports.buffered import BufferedPort
 from rtf.middleware.ports.pipelined_port import PipelinedPort
+from rtf.middleware.types.codecs import RAW
 from rtf.testing.languages.program import LineCutter
 
 if TYPE_CHECKING:
@@ -71,6 +73,7 @@ class LineSender:
         self.name = name
         self._network = network
         self._target = target
+        self._tag = f"[{name}]"
         self._report = report
         self._at_end = at_end
         self._cutter = LineCutter(LINE)
@@ -175,7 +178,7 @@ class LineSender:
                     return
                 line = self._lines[0]
             text = f"{line}\n"
-            if not port.write(Bottle([f"[{self.name}]", text] if self._target else [text])):
+            if not (port.write(bytes_of(self._tag, text), RAW) if self._target else port.write(Bottle([text]))):
                 return  # its reader is gone: the line is kept for the next one
             with self._changed:
                 self._lines.popleft()

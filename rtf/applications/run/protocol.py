@@ -16,8 +16,6 @@ from rtf.bottle import Bottle, as_int, as_list, as_string, to_string
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-#: The port of the logger, where a request for logging names none.
-LOGGER = "/yarplogger"
 #: The most words of a command. The original forgets those beyond; here such a command is refused.
 MAX_WORDS = 128
 FAILED = -1

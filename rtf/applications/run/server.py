@@ -22,7 +22,6 @@ from rtf.applications.run.children import Child, Children, Launch
 from rtf.applications.run.errors import RunError, StartError
 from rtf.applications.run.output import LineSender
 from rtf.applications.run.protocol import (
-    LOGGER,
     MAX_WORDS,
     Ask,
     Kill,
@@ -36,6 +35,7 @@ from rtf.applications.run.protocol import (
 )
 from rtf.applications.run.streams import WINDOW, Streams, window_words
 from rtf.bottle import Bottle
+from rtf.logs.record import COLLECTOR
 from rtf.middleware.errors import MiddlewareError, ProtocolError
 from rtf.middleware.ports.access import address_of
 from rtf.middleware.ports.rpc import RpcServer
@@ -291,7 +291,7 @@ class RunServer:
             raise StartError(
                 f"cannot set working directory {os.strerror(errno.ENOTDIR if directory.exists() else errno.ENOENT)}"
             )
-        logger = self._log if request.log is None else request.log or self._log or LOGGER
+        logger = self._log if request.log is None else request.log or self._log or COLLECTOR
         changed = read_environment(request.environment)
         variables = self._variables(changed, forwarded=logger is not None or bool(request.stdio))
         program = _find_program(words[0], directory, variables.get("PATH"))

@@ -21,6 +21,9 @@ from rtf.applications.run.protocol import Ask, Start
 from rtf.applications.run.server import MAX_REQUEST, RunServer
 from rtf.bottle import Bottle
 from rtf.errors import RtfError
+from rtf.logs.collector import Collector
+from rtf.logs.record import Level
+from rtf.logs.store import LogReader, LogStore
 from rtf.middleware.errors import NameServerError
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports import remote
@@ -87,8 +90,9 @@ class TestPrograms:
     def test_folder_and_environment(self, node: Node, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         """A program of the folder comes before one of PATH; variables are set, changed and removed; no shell reads."""
         monkeypatch.setenv("GONE", "1")
+        monkeypatch.setenv("RTF_RUN_HELD", "the mark of a node that has started this one")
         program = tmp_path / "ls"
-        program.write_text('#!/bin/sh\necho "$PWD|$A|$GONE|$YARP_IS_YARPRUN|$1"\n')
+        program.write_text('#!/bin/sh\necho "$PWD|$A|$GONE$RTF_RUN_HELD|$YARP_IS_YARPRUN|$1"\n')
         program.chmod(0o755)
         start(node, "t", "ls $HOME", directory=str(tmp_path), environment="A=x y;GONE")
         assert node.said_of("t").splitlines()[1:] == [f"  {tmp_path}|x y||1|$HOME"]
@@ -274,6 +278,19 @@ class TestOutput:
             [f"[{name}]", f"{text}\n"] for text in ("one", "two", "three")
         ]
         assert {record.sender for record in records} == {name}
+
+    def test_collector_understands_lines(self, node: Node, tmp_path: Path):
+        """Levels and components that a program prints are those of its records, and the port's name tells whose."""
+        with LogStore(tmp_path / "log") as store, Collector(store, network=node.network) as collector:
+            pid = start(node, "t", 'sh -c "echo [WARNING] \\|motor\\| hot; echo plain"', log="")
+            eventually(lambda: collector.written == 2, "the records did not arrive")
+            with LogReader(tmp_path / "log") as reader:
+                records = [record for _, _, record in reader.read()]
+        assert {record.sender for record in records} == {f"/log/node1/sh/{pid}"}
+        assert [(record.level, record.component, record.message) for record in records] == [
+            (Level.WARNING, "motor", "hot"),
+            (Level.UNKNOWN, "", "plain"),
+        ]
 
     def test_lines_wait_for_the_logger(self, node: Node, monkeypatch: pytest.MonkeyPatch):
         """A logger that is started later gets them, and that it is missing is told once."""
