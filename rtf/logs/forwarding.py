@@ -236,12 +236,16 @@ def handler(level: int = logging.NOTSET) -> ForwardingHandler:
 def forward_if_enabled(program: str = "") -> ForwardingHandler | None:
     """Forward the log of this program, whose name is found out if it is not given, if ``YARP_FORWARD_LOG_ENABLE`` is 1.
 
-    Records of the framework are forwarded from DEBUG on, those of other libraries from INFO on.
+    Records of the framework are forwarded from DEBUG on, those of other libraries from INFO on. A second call returns
+    the same handler.
     """
     if os.environ.get("YARP_FORWARD_LOG_ENABLE") not in _TRUE:
         return None
-    made = ForwardingHandler(program=program)
     root = logging.getLogger()
+    for known in root.handlers:
+        if isinstance(known, ForwardingHandler):
+            return known
+    made = ForwardingHandler(program=program)
     root.addHandler(made)
     root.setLevel(logging.INFO)
     logging.getLogger("rtf").setLevel(logging.DEBUG)

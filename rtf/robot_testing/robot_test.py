@@ -154,6 +154,10 @@ class RobotTest(TestCase):
         self.robot_name = self._name_of_robot()
         self.network = default_network()
         await_name_server(self.network, self.warn)
+        if "YARP_FORWARD_LOG_ENABLE" in os.environ:  # imported only then
+            from rtf.logs import forward_if_enabled
+
+            forward_if_enabled(type(self).__name__)
         self._report_other_robot()
         if unvalidated := robot_model(self).unvalidated:
             self.report(unvalidated)

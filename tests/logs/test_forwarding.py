@@ -128,6 +128,23 @@ def test_variables_choose_the_details():
     assert Options.of(given) == Options(code=True, label="a")
 
 
+def test_programs_forward_if_the_variable_says_so(monkeypatch):
+    """A program forwards with YARP's variable only, and once however often it asks for it."""
+    root = logging.getLogger()
+    monkeypatch.setattr(root, "handlers", [])
+    monkeypatch.setattr(root, "level", root.level)
+    framework = logging.getLogger("rtf")
+    monkeypatch.setattr(framework, "level", framework.level)
+    monkeypatch.setenv("YARP_FORWARD_LOG_ENABLE", "0")
+    assert forwarding.forward_if_enabled() is None
+    monkeypatch.setenv("YARP_FORWARD_LOG_ENABLE", "1")
+    made = forwarding.forward_if_enabled("rtf simulator")
+    assert made is not None
+    assert forwarding.forward_if_enabled() is made
+    assert root.handlers == [made]
+    assert made._program == "rtf-simulator"
+
+
 def test_without_a_logger_the_program_goes_on(network: Network, logger: logging.Logger, capsys):
     """Without a collector one line says so, records are dropped, and a collector that comes later connects."""
     with forwarded(logger, network):
