@@ -22,6 +22,7 @@ rtf proof                          everything, on all cores; hours of robot time
 rtf proof --fast                   the subset that the project's own tests run
 rtf proof --test JointLimits       one test
 rtf proof --others                 also without a claim: every test on every fault, about an hour
+rtf proof --limits                 also smaller faults than claimed: from which size on each is found
 rtf proof --resume                 go on with a proof that was interrupted
 rtf proof --output docs/proof.md   write the matrix there"""
 
@@ -68,6 +69,9 @@ def _parse(words: Sequence[str]) -> argparse.Namespace:
     parser.add_argument(
         "--others", action="store_true", help="also every test on every fault that it claims nothing of"
     )
+    parser.add_argument(
+        "--limits", action="store_true", help="also smaller faults than a test claims to find, down to a quarter"
+    )
     parser.add_argument("--list", action="store_true", help="list the cases and run nothing")
     parser.add_argument("-j", "--jobs", metavar="N", type=count, default=os.cpu_count() or 1, help="robots at a time")
     parser.add_argument("--folder", metavar="DIR", default="rtf-runs/proof", help="where suites and results are kept")
@@ -83,7 +87,7 @@ def _parse(words: Sequence[str]) -> argparse.Namespace:
 
 
 def _cases(options: argparse.Namespace) -> list[Case]:
-    cases = _claimed(options.test, fast=options.fast, others=options.others)
+    cases = _claimed(options.test, fast=options.fast, others=options.others, limits=options.limits)
     return [case for case in cases if not options.fault or case.fault in options.fault]
 
 
@@ -103,9 +107,9 @@ def _nothing(options: argparse.Namespace) -> str:
     return f"there is no case{of}{faults}{' in the fast subset' if options.fast else ''}"
 
 
-def _claimed(tests: Sequence[str] = (), *, fast: bool, others: bool) -> list[Case]:
+def _claimed(tests: Sequence[str] = (), *, fast: bool, others: bool, limits: bool = False) -> list[Case]:
     """Return the cases of these tests; of all of them, if none is named."""
-    from rtf.robot_testing.proof import cases_of, others_of, read_claims, read_reasons
+    from rtf.robot_testing.proof import cases_of, limits_of, others_of, read_claims, read_reasons
     from rtf.testing.plugins import shipped_folder
 
     folder = shipped_folder("test") / "claims"
@@ -116,6 +120,7 @@ def _claimed(tests: Sequence[str] = (), *, fast: bool, others: bool) -> list[Cas
         if not tests or claims.test in tests:
             cases += cases_of(claims, fast=fast)
             cases += others_of(claims, reasons) if others else ()
+            cases += limits_of(claims) if limits else ()
     return cases
 
 
@@ -141,7 +146,7 @@ def _resume(folder: Path) -> tuple[ExitCode, dict[str, Case]]:
     from rtf.cli import testrunner
     from rtf.robot_testing.proof import read_suites
 
-    by_test = read_suites(folder, _claimed(fast=False, others=True))
+    by_test = read_suites(folder, _claimed(fast=False, others=True, limits=True))
     return ExitCode(testrunner.main(["--resume", str(folder / "run")])), by_test
 
 

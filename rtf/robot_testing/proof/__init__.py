@@ -5,7 +5,7 @@ runner, ``judging`` compares the results with the claims, and ``matrix`` writes 
 machines would repeat the cases with other parameters of the fixture; they belong in ``cases``.
 """
 
-from rtf.robot_testing.proof.cases import Case, Expectation, cases_of, others_of
+from rtf.robot_testing.proof.cases import Case, Expectation, cases_of, limits_of, others_of
 from rtf.robot_testing.proof.claims import Claims, ClaimsError, Reason, read_claims, read_reasons
 from rtf.robot_testing.proof.judging import JudgedCase, Judgement, judge
 from rtf.robot_testing.proof.matrix import write_matrix
@@ -21,6 +21,7 @@ __all__ = [
     "Reason",
     "cases_of",
     "judge",
+    "limits_of",
     "others_of",
     "read_claims",
     "read_reasons",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +29,7 @@ class Expectation(Enum):
     SILENT = "silent"  # the test passes
     EXPECTED = "expected"  # the test does not pass, for a documented reason
     HEALTHY = "healthy"  # the test passes on a robot without a fault
+    LIMIT = "limit"  # a smaller fault than the test claims to find: it finds it, or passes
     OTHER = "other"  # no claim covers the fault: the test passes, or there is a general reason why not
 
 
@@ -91,6 +92,25 @@ def cases_of(claims: Claims, *, fast: bool = False) -> Iterator[Case]:
             continue
         for values in claim.severities:
             yield _case(claims, claim, values)
+
+
+#: Severities below the smallest claimed one, as shares of it.
+_SMALLER = (0.5, 0.25)
+
+
+def limits_of(claims: Claims) -> Iterator[Case]:
+    """Yield cases with smaller faults than those that a test claims to find, down to a quarter of the smallest one."""
+    for claim in claims.claims:
+        kind = find_kind(claim.fault)
+        severities = {kind.severity(values): values for values in claim.severities}
+        if claim.kind != "finds" or None in severities:
+            continue
+        smallest = min(filter(None, severities), key=abs)
+        first = kind.parameters[0]
+        for share in _SMALLER:
+            value = float(severities[smallest].get(first.name, first.default)) - (1.0 - share) * smallest
+            smaller = {**severities[smallest], first.name: value}
+            yield replace(_case(claims, claim, smaller), expectation=Expectation.LIMIT)
 
 
 def others_of(claims: Claims, reasons: Sequence[Reason]) -> Iterator[Case]:

@@ -71,7 +71,7 @@ def _judgement(case: Case, verdict: Verdict, problems: Sequence[Message]) -> Jud
         return Judgement.EXPECTED
     if verdict in _NO_STATEMENT:
         return Judgement.NOT_TESTED
-    if expectation is Expectation.FOUND:
+    if expectation is Expectation.FOUND or (expectation is Expectation.LIMIT and not passed):
         return _found(case, verdict, problems)
     if expectation is Expectation.EXPECTED:
         return Judgement.MISSED if passed else Judgement.EXPECTED

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from rtf.robot_testing.proof.cases import Expectation, provable_kinds
 from rtf.robot_testing.proof.judging import Judgement
-from rtf.simulator.faults import KINDS
+from rtf.simulator.faults import KINDS, find_kind
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,12 +15,14 @@ if TYPE_CHECKING:
     from rtf.robot_testing.proof.judging import JudgedCase
 
 _LONGEST = 160
+_HEAD_OF_LIMITS = 3
 
 
 def write_matrix(judged: Sequence[JudgedCase]) -> str:
     """Return the report in Markdown: a summary, a table of faults and tests, and every case with its message."""
+    limits = _limits(judged)
     others = [one for one in judged if one.case.expectation is Expectation.OTHER]
-    judged = [one for one in judged if one.case.expectation is not Expectation.OTHER]
+    judged = [one for one in judged if one.case.expectation not in (Expectation.OTHER, Expectation.LIMIT)]
     good = sum(one.judgement.good for one in judged)
     parts = [
         "# The proof\n\n",
@@ -29,6 +31,7 @@ def write_matrix(judged: Sequence[JudgedCase]) -> str:
         f"{good} of {len(judged)} claims hold; ",
         f"{len(_found(judged))} of {len(provable_kinds())} kinds of faults are found.\n\n",
         _by_fault(judged),
+        limits,
         "## Cases\n\n",
         _cases(judged),
         _others(others) if others else "",
@@ -56,6 +59,38 @@ def _by_fault(judged: Sequence[JudgedCase]) -> str:
         tests = sorted({f.case.test for f in judged if f.case.fault == name and f.judgement is Judgement.FOUND})
         rows.append(f"| {name} | {KINDS[name].layer.value} | {', '.join(tests) or '**nothing**'} |\n")
     return "".join([*rows, "\n"])
+
+
+def _limits(judged: Sequence[JudgedCase]) -> str:
+    """Return the section on the smallest faults that are found, for claims of which smaller ones were tried."""
+    tried: dict[tuple[str, ...], list[JudgedCase]] = {}
+    for one in judged:
+        if one.case.expectation in (Expectation.FOUND, Expectation.LIMIT) and _severity_of(one) is not None:
+            tried.setdefault(_without_severity(one.case), []).append(one)
+    rows = [
+        "## Detection limits\n\n",
+        "The smallest fault that a test finds, and the greatest one that it does not.\n\n",
+        "| test | fault | target | found from | not found |\n| --- | --- | --- | --- | --- |\n",
+    ]
+    for several in tried.values():
+        if any(one.case.expectation is Expectation.LIMIT for one in several):
+            ordered = sorted(several, key=lambda one: abs(_severity_of(one) or 0.0))
+            found = [one for one in ordered if one.judgement is Judgement.FOUND]
+            missed = [one for one in ordered if one.judgement is not Judgement.FOUND]
+            cells = [ordered[0].case.test, ordered[0].case.fault, ordered[0].case.target]
+            cells += [_severity(found[0].case) if found else "nothing", _severity(missed[-1].case) if missed else ""]
+            rows.append(f"| {' | '.join(map(_cell, cells))} |\n")
+    return "".join([*rows, "\n"]) if len(rows) > _HEAD_OF_LIMITS else ""
+
+
+def _severity_of(one: JudgedCase) -> float | None:
+    return find_kind(one.case.fault).severity(one.case.values)
+
+
+def _without_severity(case: Case) -> tuple[str, ...]:
+    first = find_kind(case.fault).parameters[0].name
+    rest = {name: value for name, value in case.values.items() if name != first}
+    return case.test, case.fault, case.target, str(rest), str(case.parameters), str(case.delay)
 
 
 def _cases(judged: Sequence[JudgedCase]) -> str:

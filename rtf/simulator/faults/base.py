@@ -55,6 +55,8 @@ class Parameter:
     description: str
     minimum: float = -1e9
     maximum: float = 1e9
+    #: The value with which nothing is wrong; None: there is none, or the parameter says where or when.
+    healthy: float | None = 0.0
 
 
 class Fault(ABC):
@@ -97,6 +99,14 @@ class Fault(ABC):
         if values:
             known = ", ".join(parameter.name for parameter in self.parameters) or "none"
             raise RefusedError(f"{self.kind} has no parameter {', '.join(values)}; its parameters: {known}")
+
+    @classmethod
+    def severity(cls, values: Mapping[str, float]) -> float | None:
+        """Return how far the first parameter is from its healthy value; None if no parameter says how bad it is."""
+        if not cls.parameters or cls.parameters[0].healthy is None:
+            return None
+        first = cls.parameters[0]
+        return float(values.get(first.name, first.default)) - (first.healthy or 0.0)
 
     @abstractmethod
     def aim(self) -> None:

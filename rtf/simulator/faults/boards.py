@@ -18,7 +18,7 @@ class MissedCommand(AxisFault):
     layer = Layer.BOARD
     description = "The board loses every n-th command."
     symptom = "Some moves do not begin."
-    parameters = (Parameter("every", 2.0, "", "n; 1: all commands are lost", 1.0, 1e6),)
+    parameters = (Parameter("every", 2.0, "", "n; 1: all commands are lost", 1.0, 1e6, healthy=None),)
     every: float
 
     def begin(self) -> None:
@@ -141,7 +141,7 @@ class WrongGearRatio(_WrongNumber):
     kind = "wrong_gear_ratio"
     description = "The gearbox ratio in the configuration is not that of the mechanics."
     symptom = "Joint and motor encoder disagree by the same factor everywhere."
-    parameters = (Parameter("factor", 1.5, "", "by which the ratio is wrong", -10.0, 10.0),)
+    parameters = (Parameter("factor", 1.5, "", "by which the ratio is wrong", -10.0, 10.0, healthy=1.0),)
     factor: float
 
     @property
@@ -207,7 +207,7 @@ class WrongCoupling(AxisFault):
     restores = True
     description = "The coupling matrix in the configuration is not that of the mechanics."
     symptom = "Motor encoders disagree with the joints when a coupled neighbour moves."
-    parameters = (Parameter("factor", 0.5, "", "by which the row of the joint is wrong", -10.0, 10.0),)
+    parameters = (Parameter("factor", 0.5, "", "by which the row of the joint is wrong", -10.0, 10.0, healthy=1.0),)
     factor: float
 
     def begin(self) -> None:
@@ -226,7 +226,7 @@ class WrongGains(AxisFault):
     restores = True
     description = "The gains of the position controller are wrong."
     symptom = "Too small: the joint lags and sags. Too large: it swings and buzzes."
-    parameters = (Parameter("factor", 0.05, "", "by which all gains are multiplied", 0.0, 100.0),)
+    parameters = (Parameter("factor", 0.05, "", "by which all gains are multiplied", 0.0, 100.0, healthy=1.0),)
     factor: float
     _healthy: Pid
 

@@ -62,7 +62,7 @@ class DepthScale(_DepthFault):
     kind = "depth_scale"
     description = "The depths have a wrong scale: the depth camera is badly calibrated, or its unit is another one."
     symptom = "The depth of a known place is wrong."
-    parameters = (Parameter("factor", 0.9, "", "factor of the depths", 1e-3, 1e3),)
+    parameters = (Parameter("factor", 0.9, "", "factor of the depths", 1e-3, 1e3, healthy=1.0),)
     factor: float
 
     def show(self, depth: NDArray[np.float32], now: float) -> NDArray[np.float32]:

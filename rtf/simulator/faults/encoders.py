@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 _BIAS = (Parameter("bias", 5.0, "deg", "added to the reading", -360.0, 360.0),)
 _RATE = (Parameter("rate", 1.0, "deg/s", "growth of the error", -100.0, 100.0),)
-_FACTOR = (Parameter("factor", 1.2, "", "factor of the reading", -10.0, 10.0),)
+_FACTOR = (Parameter("factor", 1.2, "", "factor of the reading", -10.0, 10.0, healthy=1.0),)
 
 
 class EncoderFault(AxisFault):

@@ -117,7 +117,7 @@ class MotorWeak(_MotorFault):
     kind = "motor_weak"
     description = "The motor gives only a part of its torque."
     symptom = "It needs more output for the same load, and is slow under load."
-    parameters = (Parameter("share", 0.3, "", "the part of the torque that is left", 0.0, 1.0),)
+    parameters = (Parameter("share", 0.3, "", "the part of the torque that is left", 0.0, 1.0, healthy=1.0),)
     share: float
 
     def drive(self, output: FloatArray, now: float) -> None:

@@ -106,7 +106,7 @@ class WrongRate(_DeliveryFault):
     kind = "wrong_rate"
     description = "The stream is too slow: only every n-th message is sent."
     symptom = "The mean period is a multiple of the right one."
-    parameters = (Parameter("every", 2.0, "", "n", 1.0, 1e6),)
+    parameters = (Parameter("every", 2.0, "", "n", 1.0, 1e6, healthy=1.0),)
     every: float
     _count = 0
 

@@ -231,7 +231,7 @@ class BatteryWeak(_BatteryFault):
     kind = "battery_weak"
     description = "The battery has lost capacity: its cells are old, or one of them is dead."
     symptom = "The charge falls faster than the current explains."
-    parameters = (Parameter("share", 0.5, "", "share of the capacity that is left", 0.01, 1.0),)
+    parameters = (Parameter("share", 0.5, "", "share of the capacity that is left", 0.01, 1.0, healthy=1.0),)
     share: float
 
     def begin(self) -> None:

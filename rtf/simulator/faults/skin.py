@@ -20,7 +20,9 @@ class TaxelDead(Fault):
     target_kind = Target.SKIN
     description = "A taxel of the skin is dead: its trace is broken, or its cell of the chip."
     symptom = "Its reading has no noise, and does not fall when it is pressed."
-    parameters = (Parameter("place", 0.5, "", "where it is in the patch: 0 the first taxel, 1 the last", 0.0, 1.0),)
+    parameters = (
+        Parameter("place", 0.5, "", "where it is in the patch: 0 the first taxel, 1 the last", 0.0, 1.0, healthy=None),
+    )
     place: float
     skin: SimulatedSkin
     _held: float | None = None

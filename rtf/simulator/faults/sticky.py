@@ -73,9 +73,9 @@ class JamAtTimes(_Sometimes):
     )
     symptom = "In a move it stops, at any place, and catches up with a jerk."
     parameters = (
-        Parameter("torque", 400.0, "Nm", "the torque that would move it", 0.0, 1e5),
-        Parameter("rate", 1.0, "1/s", "mean number of jams while it is free", 1e-3, 1e3),
         Parameter("length", 0.15, "s", "of a jam", 0.0, 60.0),
+        Parameter("rate", 1.0, "1/s", "mean number of jams while it is free", 1e-3, 1e3),
+        Parameter("torque", 400.0, "Nm", "the torque that would move it", 0.0, 1e5),
     )
     rate: float
     length: float

@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 class _Swapped(AxisFault):
     """Exchanged connectors of a joint and of the joint ``by`` numbers farther in the same part."""
 
-    parameters = (Parameter("by", 1.0, "", "how many joints farther in the part the other one is", -3.0, 3.0),)
+    parameters = (
+        Parameter("by", 1.0, "", "how many joints farther in the part the other one is", -3.0, 3.0, healthy=None),
+    )
     by: float
 
     def aim(self) -> None:

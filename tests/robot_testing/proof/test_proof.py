@@ -17,6 +17,7 @@ from rtf.robot_testing.proof import (
     Judgement,
     cases_of,
     judge,
+    limits_of,
     read_claims,
     read_suites,
     write_matrix,
@@ -93,6 +94,42 @@ def test_claims_become_cases(claims):
     assert cases[0].parameters == {"inject": ""}
     assert fast[0].parameters == {"inject": "", "joints": [1]}
     assert "joints" not in fast[1].parameters
+
+
+def test_smaller_faults_show_the_detection_limit(claims):
+    """A half and a quarter of the smallest claimed deviation from what is healthy; found or not, the proof holds."""
+    found = claims("""
+        [[finds]]
+        fault = "encoder_eccentric"
+        target = "l_elbow"
+        values = [{ amplitude = 2, phase = 10 }, { amplitude = 1, phase = 10 }]
+        [[finds]]
+        fault = "encoder_scale"
+        target = "l_elbow"
+        values = { factor = 0.8 }
+        [[finds]]
+        fault = "encoder_frozen"
+        target = "l_elbow"
+        [[silent]]
+        fault = "ft_bias"
+        target = "left_arm"
+        """)
+    smaller = [*limits_of(found)]
+    assert [case.values for case in smaller] == [
+        {"amplitude": 0.5, "phase": 10},
+        {"amplitude": 0.25, "phase": 10},
+        pytest.approx({"factor": 0.9}),
+        pytest.approx({"factor": 0.95}),
+    ]
+    assert {case.expectation for case in smaller} == {Expectation.LIMIT}
+    judged = [JudgedCase(case, Judgement.FOUND, "failed", "", 0.0) for case in cases_of(found) if case.fault]
+    judged += [
+        JudgedCase(case, result, "", "", 0.0)
+        for case, result in zip(smaller, [Judgement.FOUND, *[Judgement.SILENT] * 3], strict=True)
+    ]
+    page = write_matrix(judged)
+    assert "| Looks | encoder_eccentric | l_elbow | amplitude 0.5 deg, phase 10 deg | amplitude 0.25 deg" in page
+    assert "| Looks | encoder_scale | l_elbow | factor 0.8 | factor 0.9 |" in page
 
 
 @pytest.mark.parametrize(
