@@ -13,6 +13,8 @@ from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.joints_test import JointsTest, command_at
 from rtf.robot_testing.motion.routines import run_queues
 from rtf.robot_testing.parameter_checks import swapped_limits
+from rtf.robot_testing.robot_name import robot_model
+from rtf.robot_testing.slides import slides_of
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -54,8 +56,8 @@ class JointLimits(JointsTest):
 
     The outputs of the position controllers are reduced first, so that a contact does no harm. A joint at its mechanical
     stop cannot move beyond it, but its controller must not push against it either. Joints that cannot collide with each
-    other move at the same time, the others in turn. Reachable limits that belong to another robot are only found if
-    ``lower`` and ``upper`` give the right ones.
+    other move at the same time, the others in turn. Reachable limits that belong to another robot, or are too narrow,
+    are only found if the right ones are known: from ``lower`` and ``upper``, or from the robot's model.
     """
 
     aliases = ("jointsLimits", "jointLimits", "JointsLimits")
@@ -75,6 +77,9 @@ class JointLimits(JointsTest):
     tolerances = Parameter(list[float], "the same for each joint", unit="deg", default=[], key="toleranceList")
     lower = Parameter(list[float], "expected lower limits; none: any", unit="deg", default=[])
     upper = Parameter(list[float], "expected upper limits; none: any", unit="deg", default=[])
+    modelled = Parameter(
+        bool, "whether limits without a value in lower and upper have to be those of the robot's model", default=False
+    )
 
     def parameter_problems(self) -> list[str]:
         """Add errors of expected limits without a range between them."""
@@ -87,14 +92,27 @@ class JointLimits(JointsTest):
         self.beyond = self.by_joint("outOfBoundPosition", self.out_of_bound)
         self.near = self.by_joint("toleranceList", self.tolerances or [self.tolerance])
         self.wanted = {
-            "lower": self.by_joint("lower", self.lower or [np.nan]),
-            "upper": self.by_joint("upper", self.upper or [np.nan]),
+            "lower": self.by_joint("lower", self.lower or self._modelled_limits(0)),
+            "upper": self.by_joint("upper", self.upper or self._modelled_limits(1)),
         }
         percents = self.by_joint("outputLimitPercent", self.output_percent)
         self._exclude_joints_without_range()
         self.gains = {joint: self._weaken(joint, percents[joint]) for joint in self.chosen}
         self.bring_home(speed=float(np.nanmin(self.speeds)))
         self.robot_part.board.set_reference_speeds(self.speeds[self.chosen], self.chosen)
+
+    def _modelled_limits(self, side: int) -> list[float]:
+        """Return the lower (0) or the upper (1) limits of the chosen joints by the model; NaN for unknown ones."""
+        robot, part = robot_model(self), self.robot_part
+        if not self.modelled:
+            return [math.nan]
+        slides = slides_of(robot, part.name)
+        found = []
+        for name in (part.names[joint] for joint in self.chosen):
+            axis = robot.axis(name) if name in robot.index else None
+            limits = (math.nan, math.nan) if axis is None else (axis.minimum, axis.maximum)
+            found.append(limits[side] / slides.get(name, 1.0))
+        return found
 
     def _exclude_joints_without_range(self) -> None:
         """Exclude joints with swapped or missing limits before any motion: they are out of limits at any position."""
