@@ -27,8 +27,9 @@ _WEAKEST = 0.1
 
 
 class TorqueControlAccuracy(CoupledStepTest):
-    """Steps the torque of each joint on top of the torque that holds it, and judges the step response.
+    """Steps the torque of each joint up and down from the torque that holds it, and judges the step response.
 
+    Every other step goes down: what answers in one direction only is no torque control.
     A step ends early when the joint moves away: the joint is held again before it has moved far.
     """
 
@@ -38,6 +39,7 @@ class TorqueControlAccuracy(CoupledStepTest):
     torque_control = True
     symbol = "Nm"
     highest = 1.0
+    both_signs = True
     shortest = 0.1
     late_finding = wrong_finding = "torque answer"
 

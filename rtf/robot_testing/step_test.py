@@ -67,6 +67,7 @@ class StepTest(RobotTest):
     rest: ClassVar[float] = 0.5  # s at home before a cycle
     late_finding: ClassVar[str] = "lag"  # the findings that a late and a wrong response point to
     wrong_finding: ClassVar[str] = "weak"
+    both_signs: ClassVar[bool] = False  # whether every other step goes the other way
 
     part = Parameter(str, "the part whose joints are stepped", default="left_arm")
     joints = Parameter(list[int], "its joints; none: all that can be", default=[])
@@ -113,7 +114,7 @@ class StepTest(RobotTest):
         self.chosen = self.choose(part)
         zeros: list[float | None] = [*self.per_joint("zeros", self.zeros, self.chosen)] if self.zeros else []
         self.starts = {
-            joint: starting_point(part, joint, zero, self.room(joint))
+            joint: starting_point(part, joint, zero, self.room(joint), both_sides=self.both_signs)
             for joint, zero in zip(self.chosen, zeros or [None] * len(self.chosen), strict=True)
         }
         self._done = 0
@@ -178,6 +179,9 @@ class StepTest(RobotTest):
         try:
             while len(cycles) < self.cycles:
                 cycles.append((yield from self._cycle(joint)))
+                if self.both_signs:
+                    home, sign = self.starts[joint]
+                    self.starts[joint] = home, -sign
         except RtfError as error:
             problem = error
         try:
@@ -356,7 +360,8 @@ class StepTest(RobotTest):
             CheckedValue("ripple", largest([one.ripple for one in answers]), symbol, self.ripple, "noise"),
         ]
         if len(cycles) > 1:
-            spread = spread_of([one.time for one in cycles], [one.measured - one.start for one in cycles], _GRID)
+            ways = [(one.measured - one.start) * np.sign(one.target - one.start) for one in cycles]
+            spread = spread_of([one.time for one in cycles], ways, _GRID)
             values.append(CheckedValue("repeatability", spread, symbol, self.most_spread(joint), "irregular"))
         widths = [one.bandwidth for one in answers]
         if all(map(math.isfinite, widths)):
