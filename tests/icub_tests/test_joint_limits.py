@@ -18,6 +18,8 @@ SUITE = f"""
   <parameter name="joints">(3 4)</parameter> JointLimits </test>
 <test name="too-low"> {HEAD} <parameter name="joints">(1)</parameter> <parameter name="upper">(25)</parameter>
   JointLimits </test>
+<test name="too-narrow"> {HEAD} <parameter name="joints">(2)</parameter> <parameter name="modelled">true</parameter>
+  <parameter name="inject">"wrong_upper_limit neck_yaw by=-1"</parameter> JointLimits </test>
 <test name="runs-away"> {HEAD} <parameter name="inject">"motor_sign neck_yaw delay=3"</parameter>
   <parameter name="joints">(1 2 3)</parameter> JointLimits </test>
 <test name="beside"> {HEAD} <parameter name="inject">"torque_bias neck_yaw bias=100 delay=1"</parameter>
@@ -51,6 +53,13 @@ def test_a_healthy_part_reaches_all_its_limits(outcome, measured):
         assert positions.min() == pytest.approx(axis.minimum, abs=0.5)
         assert (target.max(), target.min()) == pytest.approx((axis.maximum + 2.0, axis.minimum - 2.0))
         assert {*low, *high} == {axis.minimum, axis.maximum}
+
+
+def test_a_limit_that_is_too_narrow_fails_though_it_is_reached(outcome, measured):
+    """By a degree: the robot's model says what it has to be."""
+    assert outcome.verdict("too-narrow") is Verdict.FAILED
+    (limit,) = measured(outcome, "too-narrow", "upper limit", "neck_yaw")
+    assert (limit.value, limit.low, limit.high) == pytest.approx((49.0, 49.5, 50.5))
 
 
 def test_a_limit_that_cannot_be_reached_fails_at_its_joint_only(outcome, measured):

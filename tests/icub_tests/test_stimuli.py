@@ -291,9 +291,10 @@ def test_a_step_of_a_loop_of_its_own_is_a_step(recording):
 
 
 def test_a_step_of_torque_is_a_step(recording):
-    """What holds the joint for 0.3 s, and then 0.4 Nm more until 0.8 s; home before it and afterwards."""
+    """What holds the joint for 0.3 s, and then 0.4 Nm more, or less, until 0.8 s; home before it and afterwards."""
     cycles = runs(recording.told("torque-steps", "set_reference_torques", 0), 0.1)
     assert len(cycles) == 2
+    heights = []
     for cycle in cycles:
         time = np.array([one.time for one in cycle]) - cycle[0].time
         torques = np.array([one.value(0) for one in cycle])
@@ -301,8 +302,10 @@ def test_a_step_of_torque_is_a_step(recording):
         assert (np.diff(time) <= 0.02 + 1e-6).all()
         step = int(np.abs(np.diff(torques)).argmax()) + 1
         assert time[step] == pytest.approx(0.3, abs=0.03)
-        assert close(torques - torques[0], np.where(time < time[step], 0, 0.4), 1e-9)
+        heights.append(float(torques[-1] - torques[0]))
+        assert close(torques - torques[0], np.where(time < time[step], 0, heights[-1]), 1e-9)
         assert abs(torques[0]) < 0.1 * STRONGEST
+    assert heights == pytest.approx([0.4, -0.4])
     home = home_of(recording, "torque-steps")[0]
     assert close(recording.values("torque-steps", "position_move", 0), [home] * 3)
 
