@@ -617,7 +617,7 @@ class TestPark:
         assert verdicts(outcome, "s/u") == [Verdict.PASSED]
 
 
-class TestOwedPark:
+class TestDueSafeState:
     """A fixture of a robot collapsed in a test, so that the safe state is still to be entered."""
 
     AGAIN = ("rig before_restart #2", "rig setup #2", "rig park #2", "rig park #2", "rig teardown #2")
@@ -631,7 +631,7 @@ class TestOwedPark:
         assert [incident.cause for incident in incidents(outcome, "rig")] == ["check() returned False"]
 
     def test_is_made_up_for_when_the_first_try_was_interrupted(self, lab: Lab):
-        """It does so also if the restart for another test was interrupted."""
+        """The fixture enters the due safe state also if the restart for another test was interrupted."""
         second = on(
             lambda event: isinstance(event, FixtureChanged) and event.state is STARTING and event.generation == 2
         )
