@@ -14,11 +14,12 @@ from rtf.robot.interfaces import SensorCategory
 from rtf.robot.sensors.measurements import SENSOR_MESSAGE
 from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.guard.limits import GuardError
+from rtf.robot_testing.judging.blame import Evidence
 from rtf.robot_testing.judging.kinematics import rotation_of, rotation_vector
 from rtf.robot_testing.judging.orientations import each_once, sure_turn, turns_of, vertical_turn
 from rtf.robot_testing.judging.robot_description import read_description
 from rtf.robot_testing.judging.vector_channels import Bounds, judge_channels
-from rtf.robot_testing.motion.start_position import late_joints
+from rtf.robot_testing.motion.start_position import late_evidence, late_joints
 from rtf.robot_testing.robot_name import robot_model
 from rtf.robot_testing.slides import in_metres, in_units
 from rtf.robot_testing.stream_test import StreamTest
@@ -205,12 +206,12 @@ class Imu(StreamTest):
                 part.wait(_REST)
             late = late_joints(part, [joint], [part.home[joint]], speed=self.speed) | late
         except GuardError as error:
-            if error.joint != joint:
-                raise
-            late = {joint: str(error)}
+            self.judge_stop(part, joint, error)
+            return False
         if late:
-            with self.subresult(part.names[joint]):
-                self.assert_fail(f"{late[joint]}; {likely_causes('does not move')}")
+            found = late_evidence(part, late)
+            complaint = Evidence(frozenset({joint}), late[joint], ("does not move",), certain=False)
+            self.judge_evidence(part, joint, complaint, found)
         return not late
 
     def _check_motion(self, traces: Sequence[Trace]) -> None:

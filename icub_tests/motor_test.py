@@ -71,7 +71,8 @@ class MotorTest(JointsTest):
         self.low = self.targets - np.abs(self.by_joint("min", self.below))
         self.high = self.targets + np.abs(self.by_joint("max", self.above))
         self.speeds = self.robot_part.paced(self.by_joint("refvel", self.speed))
-        self.hold()
+        with self.guarded():
+            self.hold()
         part.board.set_reference_speeds(self.speeds[self.chosen], self.chosen)
         if self.acceleration:
             accelerations = self.per_joint("refacc", self.acceleration, self.chosen)

@@ -76,7 +76,8 @@ class DutyTest(JointsTest):
         except RobotError as error:
             self.assert_error(f"{part.name}: {error}")
         self.transmission.warn_if_unknown(self, part.name)
-        self.hold()
+        with self.guarded():
+            self.hold()
         exclude_joints_out_of_limits(part)
         self._done = 0
         self._loose = set[int]()  # joints that their controllers cannot move to a target
