@@ -33,6 +33,9 @@ _WAY = 5.0
 #: Two motors are exchanged if each turns with the duty cycle of the other one for this share of the states in which it
 #: turns clearly, deg/s of the joint; and the fewest of these.
 _MOSTLY, _CLEARLY, _FEWEST = 0.7, 10.0, 5
+#: A joint that rests with a large duty cycle, against a stop or a load, is no evidence: within this time, s, its duty
+#: cycle has not grown by what counts as pressing, %.
+_LATELY, _GROWN = 1.0, 15.0
 #: Who stops to follow later than the first one by this time, s, is not accused.
 _LATER = 0.1
 
@@ -80,11 +83,15 @@ def _speeds(time: FloatArray, positions: FloatArray) -> FloatArray:
 
 
 def _stubborn(time: FloatArray, efforts: FloatArray, speeds: FloatArray) -> dict[int, float]:
-    """Return the axes that have not moved with a large effort for some time until the end, each with its begin (s)."""
+    """Return the axes that have not moved with a large effort for some time until the end, each with its begin (s).
+
+    An effort that has been the same for longer holds a load, or presses against a stop on purpose.
+    """
     follows = (np.abs(efforts) < _LARGE) | (speeds * np.sign(efforts) >= _SLOW)
     recent = time >= time[-1] - _LASTING
+    grown = np.ptp(efforts[time >= time[-1] - _LATELY], axis=0) >= _GROWN
     found = {}
-    for axis in np.flatnonzero(follows[recent].mean(axis=0) <= 1.0 - _MOSTLY):
+    for axis in np.flatnonzero(grown & (follows[recent].mean(axis=0) <= 1.0 - _MOSTLY)):
         followed = np.flatnonzero(follows[~recent, axis])
         found[int(axis)] = float(time[followed[-1] + 1] if followed.size else time[0])
     return found
