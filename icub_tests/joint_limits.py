@@ -149,6 +149,8 @@ class JointLimits(JointsTest):
     def _routine(self, joint: int) -> Routine[None]:
         """Test one joint; a joint that the guard stops fails, and the others go on."""
         begin, name = self.now(), self.robot_part.names[joint]
+        if self.judge_if_lost(self.robot_part, joint):
+            return
         try:
             yield from self._visit_limits(joint)
         except GuardError as error:

@@ -77,6 +77,8 @@ class PositionStress(JointsTest):
         lost: list[str] = []
         commanded: list[tuple[float, float]] = []
         stopped: GuardError | None = None
+        if self.judge_if_lost(part, joint):
+            return
         with part.recorded() as trace:
             try:
                 for end in (float(self.bottom[joint]), float(self.top[joint]), home) * self.cycles:

@@ -136,6 +136,8 @@ class DutyTest(JointsTest):
         part, guard = self.robot_part, self.robot_part.guard
         lost = [one for one in self.transmission.coupled(joint) if guard is not None and guard.is_excluded(one)]
         found = joint in lost or (bool(lost) and part.board.control_mode(joint) is ControlMode.IDLE)
+        if found and self._evidence.get(part.name):
+            return self.judge_if_lost(part, joint)
         if found:
             with self.subresult(part.names[joint]):
                 self._judge_lost(joint, lost)

@@ -312,15 +312,33 @@ class RobotTest(TestCase):
         """Judge the stop of a motion by the guard while a joint was tested: see ``judging/blame.py``.
 
         Those to blame fail in sub-results of their own, whether they are tested or not. The joint itself, if it is not
-        among them, is inconclusive. ``findings`` are the keys of its likely causes; by default those of the guard.
+        among them, is inconclusive, and others that are surely to blame are left without power: they would disturb the
+        next ones, too. ``findings`` are the keys of the likely causes of the joint; by default those of the guard.
         """
         found = stop_evidence(part, error)
-        known = [*self._evidence.get(part.name, []), *(one for one in found if one.certain)]
-        self._evidence = {**self._evidence, part.name: known}
+        self._note(part, joint, found)
         self.judge_evidence(part, joint, _complaint(joint, error, findings), found)
         for other, evidence in accused(found).items():
             if other != joint:
                 self.judge_evidence(part, other, evidence, found)
+
+    def _note(self, part: Part, joint: int, found: Sequence[Evidence]) -> None:
+        """Remember certain evidence, and exclude those whom it accuses beside a joint."""
+        certain = [one for one in found if one.certain]
+        self._evidence = {**self._evidence, part.name: [*self._evidence.get(part.name, []), *certain]}
+        if part.guard is not None:
+            for other in accused(certain).keys() - {joint}:
+                part.guard.exclude(other, "it does not obey its commands")
+                part.guard.exclude_coupled(other, "which was left without power")
+
+    def judge_if_lost(self, part: Part, joint: int) -> bool:
+        """Return whether a joint was excluded; judge it by what is known in that case."""
+        if part.guard is None or not part.guard.is_excluded(joint):
+            return False
+        text = f"{part.names[joint]} was excluded and left without power"
+        complaint = Evidence(frozenset({joint}), text, ("stopped",), certain=False)
+        self.judge_evidence(part, joint, complaint, self._evidence.get(part.name, []))
+        return True
 
     def explained(self, part: Part, joint: int) -> str:
         """Return what earlier stops have shown of joints that share motors with one; "" if it is accused itself.

@@ -176,6 +176,8 @@ class StepTest(RobotTest):
     def _routine(self, joint: int) -> Routine[None]:
         part, problem = self.robot_part, None
         cycles: list[Cycle] = []
+        if self.judge_if_lost(part, joint):
+            return
         try:
             while len(cycles) < self.cycles:
                 cycles.append((yield from self._cycle(joint)))

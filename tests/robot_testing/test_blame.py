@@ -287,3 +287,27 @@ def test_a_joint_that_shares_motors_with_a_culprit_is_not_judged(
     with test.subresult("joint2"):
         test.end_if_explained(2)
     assert verdicts(said)["joint2"] is Verdict.INCONCLUSIVE
+
+
+def test_a_culprit_is_left_without_power_when_it_disturbs_another_joint(
+    bench: PartBench, said: list[Event], made: Callable[..., Any]
+):
+    """In its own turn it is held; what shares its motors is idle with it, and its verdict names the culprit."""
+    test = made()
+    bench.board.set_reference_speeds([100.0] * 3)
+    bench.board.position_move([0.0, 20.0, 0.0])
+    bench.device.shown = {1: 0.0}
+    for _ in range(40):
+        bench.time.sleep(0.02)
+    error = GuardError("joint1 turns too fast; it was stopped", 1)
+    test.judge_stop(bench.part, 1, error)
+    assert bench.part.held() == [0, 1, 2]
+    test.judge_stop(bench.part, 0, error)
+    assert bench.part.held() == [0]
+    assert [test.judge_if_lost(bench.part, joint) for joint in range(3)] == [False, True, True]
+    assert verdicts(said) == {
+        "joint0": Verdict.INCONCLUSIVE,
+        "joint1": Verdict.FAILED,
+        "joint2": Verdict.INCONCLUSIVE,
+    }
+    assert "joint1: its motor moves it" in failures(said)["joint1"]
