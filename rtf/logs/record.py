@@ -163,12 +163,12 @@ def from_strings(first: str, text: str, port: str = "", arrival: float = 0.0) ->
     usual = _USUAL.fullmatch(text)
     if usual is None:
         return _read_other(sender, text, arrival)
-    level, moment, details, component, identity, message, backtrace = usual.groups()
+    level, moment, details, component, identity, plain, message, backtrace = usual.groups()
     return LogRecord(
         sender,
-        _LEVELS.get(level, Level.UNKNOWN),
-        _finite(float(moment), arrival),
-        _unquoted(message),
+        _LEVELS.get(level, _UNKNOWN),
+        float(moment),
+        plain if message is None else _unquoted(message),
         _unquoted(component) if component else "",
         _unquoted(identity) if identity else "",
         details[1:],
@@ -177,17 +177,19 @@ def from_strings(first: str, text: str, port: str = "", arrival: float = 0.0) ->
 
 
 _STRING = r'"[^"\\]*+(?:\\.[^"\\]*+)*+"|[A-Za-z_][A-Za-z0-9_.\-]*+'
-#: The groups in their usual order. Those of ``details`` are strings, decimal and hexadecimal numbers.
+#: The usual groups in their order; anything else is left to the reader of bottles. Those of ``details`` are strings,
+#: decimal and hexadecimal numbers. A message without escapes, as most are, is a group of its own.
 _USUAL = re.compile(
-    rf"""\(level\ ([A-Z]++)\)\ \(systemtime\ ([0-9]++(?:\.[0-9]*+)?+(?:e[+-][0-9]++)?+)\)
+    rf"""\(level\ ([A-Z]++)\)\ \(systemtime\ ([0-9]{{1,15}}+(?:\.[0-9]*+)?+)\)
     ((?:\ \((?!component\ |id\ |message\ )[a-z_]++\ (?:{_STRING}|[0-9.a-fx+-]++)\))*+)
     (?:\ \(component\ ({_STRING})\))?+
     (?:\ \(id\ ({_STRING})\))?+
-    \ \(message\ ({_STRING})\)
+    \ \(message\ (?:"([^"\\]*+)"|({_STRING}))\)
     (?:\ \(backtrace\ ({_STRING})\))?+\s*+""",
     re.VERBOSE | re.DOTALL,
 )
 _LEVELS = {level.name: level for level in Level}
+_UNKNOWN = Level.UNKNOWN
 _ESCAPE = re.compile(r"\\(.)", re.DOTALL)
 _ESCAPED = {"n": "\n", "r": "\r", "0": "\0"}
 

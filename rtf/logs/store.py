@@ -33,6 +33,8 @@ _APPLICATION, _VERSION = 0x5254464C, 1
 _PATIENCE = 10.0
 #: When the file is full, this part of the records is removed.
 _REMOVED_PART = 10
+#: Pages of the write-ahead log, 16 MiB, after which they are copied into the file: seldom enough for a fast log.
+_CHECKPOINT = 4000
 #: Senders whose numbers are remembered.
 _REMEMBERED = 4096
 #: Records of one INSERT. SQLite releases Python's lock once a statement, and gets it back slowly while other threads
@@ -169,6 +171,7 @@ class LogStore(_LogFile):
                         connection.execute(statement)
         super()._prepare()
         connection.execute("PRAGMA synchronous = NORMAL")
+        connection.execute(f"PRAGMA wal_autocheckpoint = {_CHECKPOINT}")
 
     def add(self, records: Sequence[tuple[float, LogRecord]]) -> None:
         """Add records, each with the time of its arrival, in one transaction. A full file loses its oldest."""

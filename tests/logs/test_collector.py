@@ -13,6 +13,7 @@ from rtf.logs.query import Query
 from rtf.logs.record import COLLECTOR, Level, LogRecord
 from rtf.logs.store import LogFileError, LogStore
 from rtf.middleware.ports.port import Port
+from rtf.middleware.types.codecs import RAW
 
 from .conftest import stored
 
@@ -80,6 +81,22 @@ def test_a_flood_takes_from_no_other_sender(network: Network, file: Path):
     assert lost == collector.dropped == 3000 - len(kept)
     assert kept == [record("/log/vm/flood/1", number, 100) for number in range(len(kept))]
     assert 500 < len(kept) < 1500
+
+
+def test_hostile_messages_harm_no_one(network: Network, file: Path):
+    """A message larger than the share is dropped and counted, nonsense is a record, and others are stored."""
+    with LogStore(file) as store, Collector(store, network=network, memory=1 << 20) as collector:
+        with Port("/log/vm/prog/1", network=network) as port, Port("/peer", network=network) as peer:
+            port.add_output(COLLECTOR, "tcp")
+            peer.add_output(COLLECTOR, "tcp")
+            peer.write(b"\xff" * (2 << 20))
+            peer.write(b"\x04\x01\x00\x00\x02\x00\x00\x00\xff\xff\xff\x7f", RAW)
+            port.write(record(port.name, 0).to_bottle())
+        assert collector.flush()
+        assert (collector.written, collector.dropped) == (3, 1)
+    assert [one.level for one in stored(file, Query(process="/peer", text="is no record"))] == [Level.UNKNOWN]
+    assert [one.level for one in stored(file, Query(process="/peer", text="1 records"))] == [Level.WARNING]
+    assert stored(file, Query(process="prog")) == [record("/log/vm/prog/1", 0)]
 
 
 def test_a_full_disk_ends_the_collector_with_its_reason(network: Network, file: Path):
