@@ -166,9 +166,7 @@ class ControlModes(JointsTest):
             refused = self._request(request, joints)
             if request is ControlMode.CURRENT:  # otherwise boards may keep the last measured current
                 part.board.set_reference_currents([0.0] * len(joints), joints)
-            self._wait_until(
-                lambda: all(part.board.control_mode(joint) is expected[joint] for joint in reliable if self._has(joint))
-            )
+            self._wait_for_modes({joint: expected[joint] for joint in reliable})
             self._wait(self.settle if unchanged else _STAYS)
             self._wait_until(lambda: len(trace) > 0)  # on a busy machine states come late
         for joint in filter(self._has, joints):
@@ -182,6 +180,18 @@ class ControlModes(JointsTest):
     def _wait_until(self, condition: Callable[[], bool]) -> None:
         """Wait for a condition for ``change_time``; joints that the guard stops meanwhile are excluded."""
         self.retry_without_stopped(lambda: self.robot_part.wait_until(condition, self.change_time, pace=_LOOK))
+
+    def _wait_for_modes(self, expected: dict[int, ControlMode]) -> None:
+        """Wait for the modes of joints; longer, once, if they are late, to tell late modes from wrong ones."""
+
+        def there() -> bool:
+            return all(
+                self.robot_part.board.control_mode(joint) is expected[joint] for joint in filter(self._has, expected)
+            )
+
+        self._wait_until(there)
+        if not any(self.wrong[joint] for joint in expected) and not there():
+            self.retry_without_stopped(lambda: self.robot_part.wait_until(there, _LATE, pace=_LOOK))
 
     def _wait(self, seconds: float) -> None:
         self.retry_without_stopped(lambda: self.robot_part.wait(seconds, pace=_LOOK))
@@ -363,7 +373,8 @@ class ControlModes(JointsTest):
             needed = {pair for pair in needed if ControlMode.TORQUE not in pair}
         left = needed - self.tested[joint]
         self.measure("requests tried", len(needed) - len(left))
-        self.measure("slowest change", 1e3 * self.slowest[joint], "ms", high=1e3 * self.change_time)
+        hint = f"{name} shows a new mode after {self.slowest[joint]:.2f} s; {likely_causes('mode late')}"
+        self.measure("slowest change", 1e3 * self.slowest[joint], "ms", high=1e3 * self.change_time, hint=hint)
         more = f"; and {len(wrong) - _SHOWN} more" if len(wrong) > _SHOWN else ""
         hint = f"{name}: {'; '.join(wrong[:_SHOWN])}{more}; {likely_causes('mode')}"
         self.measure("wrong answers", len(wrong), high=0, hint=hint)
@@ -372,6 +383,8 @@ class ControlModes(JointsTest):
 
 #: Seconds between two checks of the modes; for which a new mode is watched; for which a joint is watched for motion.
 _LOOK, _STAYS, _WATCHED = 0.01, 0.03, 0.1
+#: Seconds more for a mode that is late: boards that show modes in a slow loop have loops of a second at most.
+_LATE = 2.0
 #: Fall after which joints are moved back, deg; and the speed of that move, deg/s.
 _FALLEN, _RETURN = 3.0, 30.0
 _DRIVEN = 1.0  # per cent of duty cycle, of a motor without power

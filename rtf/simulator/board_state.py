@@ -78,6 +78,7 @@ class BoardState(MotorBoard, BoardDriver):
         self.friction_faults: dict[int, dict[object, float]] = {}  # by degree of freedom: what each fault adds, Nm
         self.command_faults: list[Callable[[str, int, float], bool]] = []
         self.obeying_faults: list[Callable[[int], bool]] = []
+        self.shown_mode_faults: list[Callable[[NDArray[np.int32], float], None]] = []
         self.mode_faults: list[Callable[[int, ControlMode, int], ControlMode | None]] = []
 
     def connect(self, configuration: Property) -> list[BoardAxis]:

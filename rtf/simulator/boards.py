@@ -148,6 +148,14 @@ class Boards(BoardState):
                 return
         super().request_mode(axis, wanted)
 
+    def shown_modes(self) -> NDArray[np.int32]:
+        if not self.shown_mode_faults:
+            return self.modes
+        shown = self.modes.copy()
+        for fault in self.shown_mode_faults:
+            fault(shown[0], self.now)
+        return shown
+
     def request_interaction(self, axis: int, wanted: int) -> None:
         before, held = self.interaction[axis], float(self.output[axis] * self.newton_metres[axis])
         super().request_interaction(axis, wanted)

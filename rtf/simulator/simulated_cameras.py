@@ -59,12 +59,16 @@ class SimulatedCamera(Device, IFrameGrabber, IFrameGrabberControls):
     def height(self) -> int:
         return self._size[1]
 
-    def image(self) -> tuple[Image, float]:
-        """See IFrameGrabber: the scene as it is now."""
+    def picture(self) -> tuple[NDArray[np.uint8], float]:
+        """Return the scene as it is now, and the time; without faults."""
         with self._simulation.lock:
             pixels = self._thread.submit(self._camera.render, self._simulation.data).result()
             now = self._simulation.now
-        pixels = self._exposed(pixels)
+        return self._exposed(pixels), now
+
+    def image(self) -> tuple[Image, float]:
+        """See IFrameGrabber: the scene as it is now."""
+        pixels, now = self.picture()
         for fault in self.faults:
             pixels = fault(pixels, now)
         return Image(pixels), now

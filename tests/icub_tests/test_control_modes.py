@@ -15,6 +15,9 @@ SUITE = f"""
 <test name="afterwards"> {TORSO} JointLimits </test>
 <test name="torque-is-position"> {TORSO} <parameter name="inject">"wrong_mode torso_roll"</parameter>
   <parameter name="faults">false</parameter> ControlModes </test>
+<test name="shown-late"> {TORSO} <parameter name="inject">"mode_stale torso_roll age=0.6"</parameter>
+  <parameter name="faults">false</parameter> <parameter name="without">(vel torq mix posd icur)</parameter>
+  ControlModes </test>
 <test name="leaves-faults"> {TORSO} <parameter name="inject">"fault_left torso_pitch"</parameter> ControlModes </test>
 <test name="stopped"> <parameter name="part">head</parameter> <parameter name="faults">false</parameter>
   <parameter name="inject">"torque_bias neck_yaw bias=100 delay=1"</parameter> ControlModes </test>
@@ -52,6 +55,17 @@ def test_what_was_asked_for_is_recorded_beside_what_was_read(outcome):
         assert len(set(data["mode"])) == len(USER_MODES) + 2
         assert np.mean(data["mode"] == data["expected"]) > 0.8
     assert "modes by number: 0 pos" in said(outcome, "healthy")
+
+
+def test_modes_that_are_shown_late_are_late_not_wrong(outcome, measured):
+    """By how much is measured, and the other joints are not late."""
+    assert outcome.verdict("shown-late") is Verdict.FAILED
+    assert failures_of(outcome, "shown-late") == {"torso_roll"}
+    assert "torso_roll shows a new mode after 0.6" in outcome.detail("shown-late")
+    late = {one.subject: one.value for one in measured(outcome, "shown-late", "slowest change")}
+    assert 550.0 < late["torso_roll"] < 700.0
+    assert late["torso_yaw"] < 100.0
+    assert all(one.value == 0 for one in measured(outcome, "shown-late", "wrong answers"))
 
 
 def test_the_part_is_fit_for_work_afterwards(outcome):

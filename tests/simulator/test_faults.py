@@ -92,7 +92,10 @@ class Bench:
         self.battery = SimulatedBattery(BATTERY, self.simulation)
         self.simulation.publish_regularly(self.battery)
         self.skin = {"left_hand": SimulatedSkin("left_hand", ICUB.sensors.skin["left_hand"], self.simulation)}
-        self.cameras = {"left": SimpleNamespace(faults=[])}
+        self.cameras = {
+            name: SimpleNamespace(faults=[], picture=lambda shade=shade: (np.full((24, 32, 3), shade, np.uint8), 0.0))
+            for name, shade in (("left", 100), ("right", 200))
+        }
         self.depth_cameras = {"depth": SimpleNamespace(faults=[])}
         self.port = Outlet(self)
         self.outlet = SimulatedOutlet(self.port, self.simulation)  # type: ignore[arg-type]  # it writes, as that does
@@ -197,7 +200,7 @@ def health(bench: Bench) -> dict[str, object]:
     found["measured"] = list(bench.depth_cameras["depth"].faults)
     found["felt"] = list(bench.skin["left_hand"].faults)
     found["drained"] = [list(bench.battery.weaknesses), list(bench.battery.faults)]
-    found["seen"] = list(bench.cameras["left"].faults)
+    found["seen"] = [list(camera.faults) for camera in bench.cameras.values()]
     found["sent"] = [*bench.outlet.disturbances, *bench.outlet.restamps]
     return found
 
@@ -563,6 +566,16 @@ def takes_another_mode(bench: Bench) -> None:
         assert bench.mode is ControlMode[there]
 
 
+def shows_old_modes(bench: Bench) -> None:
+    """The joint is in velocity mode at once, and shown to be in position mode for a second more."""
+    bench.arm.set_control_modes([ControlMode.VELOCITY], [3])
+    bench.run(0.1)
+    assert bench.boards.mode[ELBOW] == ControlMode.VELOCITY
+    assert bench.arm.control_modes([3]) == (ControlMode.POSITION,)
+    bench.run(1.0)
+    assert bench.arm.control_modes([3]) == (ControlMode.VELOCITY,)
+
+
 def goes_beyond(bench: Bench) -> None:
     """It carries a command out that ends beyond the limit that it tells."""
     healthy = Bench()
@@ -730,6 +743,25 @@ def camera_is_small(bench: Bench) -> None:
     assert [picture.shape for picture in bench.pictures()] == [(12, 16, 3)] * 2
 
 
+def camera_shows_another(bench: Bench) -> None:
+    """The left one shows what the right one sees, and the right one what the left one does."""
+    assert bench.pictures()[0].max() == 200
+    show = bench.cameras["right"].faults[0]
+    assert show(np.zeros((24, 32, 3), np.uint8), 0.0).max() == 100
+
+
+def camera_is_zoomed(bench: Bench) -> None:
+    """A picture as large as before, in which things are 1.3 times as far from the middle."""
+    assert bench.cameras["left"].faults
+    show = bench.cameras["left"].faults[0]
+    pixels = np.zeros((60, 100, 3), np.uint8)
+    pixels[30, 60] = 255
+    rows, columns, _ = np.nonzero(show(pixels, 0.0))
+    assert show(pixels, 0.0).shape == pixels.shape
+    assert columns.mean() - 49.5 == pytest.approx(1.3 * 10.5, abs=0.7)
+    assert rows.mean() - 29.5 == pytest.approx(1.3 * 0.5, abs=0.7)
+
+
 def battery_is_weak(bench: Bench) -> None:
     """Its charge falls twice as fast as its current explains."""
     left, current = bench.battery.left, bench.battery.reading.current
@@ -862,6 +894,7 @@ SHOWS: dict[str, Callable[[Bench], None]] = {
     "fault_left": leaves_its_fault,
     "mode_ignored": ignores_modes,
     "wrong_mode": takes_another_mode,
+    "mode_stale": shows_old_modes,
     "limits_ignored": goes_beyond,
     "wrong_gear_ratio": tells_another_gearbox,
     "wrong_upper_limit": upper_limit_is_wrong,
@@ -881,6 +914,8 @@ SHOWS: dict[str, Callable[[Bench], None]] = {
     "camera_frozen": camera_freezes,
     "camera_black": camera_is_black,
     "camera_size": camera_is_small,
+    "cameras_swapped": camera_shows_another,
+    "camera_zoom": camera_is_zoomed,
     "battery_weak": battery_is_weak,
     "battery_frozen": battery_freezes,
     "taxel_dead": taxel_dies,

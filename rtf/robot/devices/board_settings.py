@@ -68,7 +68,7 @@ class BoardSettings(
     def control_modes(self, joints: AxisSelection = None) -> tuple[ControlMode, ...]:
         axes = self._places(joints)
         self._update()
-        return tuple(ControlMode(mode) for mode in self.board.mode[axes].tolist())
+        return tuple(ControlMode(mode) for mode in self.board.shown_modes()[0, axes].tolist())
 
     def set_control_modes(self, modes: ControlMode | Sequence[ControlMode], joints: AxisSelection = None) -> None:
         self._request(modes, joints, self.board.request_mode)

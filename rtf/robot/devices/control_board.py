@@ -81,7 +81,7 @@ class ControlBoard(BoardMotion, BoardMotors, BoardSettings, IStateSource, Calibr
         board, own = self.board, self.own
         shot = board.snapshot()
         state.floats[...] = shot.floats[:, own]
-        state.modes[...] = board.modes[:, own]
+        state.modes[...] = board.shown_modes()[:, own]
         state.temperatures[...] = shot.temperatures[own]
         state.valid[...] = shot.valid
         return board.now

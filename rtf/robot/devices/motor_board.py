@@ -133,6 +133,10 @@ class MotorBoard(DrivenBoard):
         """Return all measurements of one moment, as a state that may change; its modes are not filled in."""
         return self.state
 
+    def shown_modes(self) -> NDArray[np.int32]:
+        """Return what is shown of the modes: a row of control modes, and one of interaction modes."""
+        return self.modes
+
     def controller_errors(self) -> FloatArray:
         """Return setpoint minus position (deg) of the axes whose positions are controlled, 0 of others."""
         errors = self.trajectories.at(self.tick, slice(None))[0] - self.measured(Field.JOINT_POSITIONS)

@@ -56,9 +56,11 @@ _CAUSES: dict[str, tuple[str, ...]] = {
     "noise": ("a loose cable", "electrical noise"),
     "backlash": ("play in the gearbox", "a loose cable of the transmission"),
     "camera frozen": ("a camera that has stopped", "a driver that repeats its last picture"),
+    "cameras swapped": ("exchanged cables of cameras", "exchanged names in the configuration of the cameras"),
     "camera dark": ("a cap on the lens", "an exposure of zero", "a dead sensor"),
     "camera size": ("a wrong size in the configuration of the driver",),
     "orientation": ("an IMU mounted in another orientation", "a wrong frame in the model"),
+    "mode late": ("a board that reads its modes in a slow loop", "a server that repeats an old state", "a loaded bus"),
     "mode": ("firmware that breaks the rules of the control modes",),
     "sensor frozen": ("a loose cable of the sensor", "a sensor that has stopped", "a driver that repeats a value"),
     "taxel": (

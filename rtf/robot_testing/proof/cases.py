@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _NOT_IN_SUITES = frozenset({Layer.PROCESS})
 
 #: The tests that need a simulator with cameras.
-_WITH_CAMERAS = ("CameraTest", "RgbdTest")
+_WITH_CAMERAS = ("CameraMotion", "CameraTest", "RgbdTest")
 
 
 class Expectation(Enum):

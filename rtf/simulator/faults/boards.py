@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
+from collections import deque
 from typing import TYPE_CHECKING
 
 from rtf.robot.control_modes import REQUESTS, ControlMode
 from rtf.simulator.faults.base import AxisFault, Layer, Parameter
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from rtf.robot.interfaces import FloatArray, Pid
 
 
@@ -108,6 +113,32 @@ class WrongMode(_ModeFault):
     def decide(self, state: ControlMode, wanted: int) -> ControlMode | None:
         allowed = state is not ControlMode.HARDWARE_FAULT
         return ControlMode.POSITION if wanted == ControlMode.TORQUE and allowed else None
+
+
+class ModeStale(AxisFault):
+    """Old control modes in all that the board says of them."""
+
+    kind = "mode_stale"
+    layer = Layer.BOARD
+    description = "The board changes the mode at once, and shows it late: it reads it in a slow loop, or not at all."
+    symptom = "For some time after a change the mode that is read back is the one of before."
+    parameters = (Parameter("age", 1.0, "s", "how old the shown modes are", 0.0, 1e6),)
+    age: float
+
+    def begin(self) -> None:
+        self._modes = deque([(-math.inf, int(self.boards.mode[self.axis]))])
+        self.boards.shown_mode_faults.append(self._show)
+
+    def end(self) -> None:
+        self.boards.shown_mode_faults.remove(self._show)
+
+    def _show(self, shown: NDArray[np.int32], now: float) -> None:
+        known = self._modes
+        if shown[self.axis] != known[-1][1]:
+            known.append((now, int(shown[self.axis])))
+        while len(known) > 1 and known[1][0] <= now - self.age:
+            known.popleft()
+        shown[self.axis] = known[0][1]
 
 
 class _WrongNumber(AxisFault):
@@ -245,6 +276,7 @@ KINDS = (
     FaultLeft,
     ModeIgnored,
     WrongMode,
+    ModeStale,
     LimitsIgnored,
     WrongGearRatio,
     WrongUpperLimit,

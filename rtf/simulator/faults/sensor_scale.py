@@ -1,15 +1,22 @@
-"""Faults of the scale and of the axes of force-torque sensors and inertial units."""
+"""Faults of the scale, of the axes and of the names of sensors: their configuration is not what they are."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from rtf.robot.interfaces import SensorCategory
 from rtf.simulator.faults.base import Parameter
-from rtf.simulator.faults.sensors import ForceTorqueFault, ImuFault
+from rtf.simulator.faults.sensors import CameraFault, ForceTorqueFault, ImuFault
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
     from rtf.robot.interfaces import FloatArray
+    from rtf.simulator.simulated_cameras import SimulatedCamera
 
 
 class ForceTorqueGain(ForceTorqueFault):
@@ -98,4 +105,48 @@ class GyroscopeAxes(ImuFault):
             values[pair] = values[pair[::-1]]
 
 
-KINDS = (ForceTorqueGain, ForceTorqueAxes, GyroscopeGain, AccelerometerGain, GyroscopeAxes)
+class CamerasSwapped(CameraFault):
+    """Exchanged cameras."""
+
+    kind = "cameras_swapped"
+    description = "The camera and the next one are exchanged: their cables, or their names."
+    symptom = "Each shows what the other one should see."
+
+    def begin(self) -> None:
+        names = [*self.robot.cameras]
+        other = self.robot.cameras[names[(names.index(self.target) + 1) % len(names)]]
+        self._pair = ((self.camera, self._other(other)), (other, self._other(self.camera)))
+        for camera, show in self._pair:
+            camera.faults.append(show)
+
+    def end(self) -> None:
+        for camera, show in self._pair:
+            camera.faults.remove(show)
+
+    @staticmethod
+    def _other(camera: SimulatedCamera) -> Callable[[NDArray[np.uint8], float], NDArray[np.uint8]]:
+        return lambda _, __: camera.picture()[0]
+
+
+class CameraZoom(CameraFault):
+    """Another field of view than the camera reports."""
+
+    kind = "camera_zoom"
+    description = "The camera has another lens, or another resolution, than its configuration says."
+    symptom = "Its pictures move farther, or less far, than its field of view says."
+    parameters = (Parameter("factor", 1.3, "", "the focal length, as a multiple of the reported one", 1.0, 4.0),)
+    factor: float
+
+    def show(self, pixels: NDArray[np.uint8], now: float) -> NDArray[np.uint8]:
+        del now
+        rows, columns = (self._places(size) for size in pixels.shape[:2])
+        return np.ascontiguousarray(pixels[rows][:, columns])
+
+    def _places(self, size: int) -> NDArray[np.intp]:
+        """Return which pixels are shown: those in the middle, each several times."""
+        middle = (size - 1) / 2.0
+        places: NDArray[np.intp] = np.rint(middle + (np.arange(size) - middle) / self.factor).astype(np.intp)
+        return places
+
+
+KINDS = (ForceTorqueGain, ForceTorqueAxes, GyroscopeGain, AccelerometerGain, GyroscopeAxes, CamerasSwapped, CameraZoom)

@@ -1,0 +1,45 @@
+"""CameraMotion on the simulated robot, whose eyes turn."""
+
+import pytest
+
+from rtf.simulator.errors import RenderingError
+from rtf.simulator.rendering import rendering_back_end
+from rtf.testing.verdict import Verdict
+
+CASES = {
+    "healthy": ("", ""),
+    "swapped": ("cameras_swapped left", "/icubSim/cam/left shows what /icubSim/cam/right should"),
+    "zoom": ("camera_zoom right factor=1.3", "/icubSim/cam/right: its pictures move by 1"),
+    "frozen": ("camera_frozen left", "pictures of /icubSim/cam/left do not move"),
+}
+SUITE = "".join(
+    f'<test name="{name}"><parameter name="inject">"{inject}"</parameter> CameraMotion </test>'
+    for name, (inject, _) in CASES.items()
+)
+
+
+@pytest.fixture(scope="module")
+def outcome(run_on_robot):
+    """One run of all of them."""
+    try:
+        rendering_back_end()
+    except RenderingError as error:
+        pytest.skip(str(error))
+    return run_on_robot(SUITE, cameras="yes", parts="head")
+
+
+def test_healthy_pictures_move_as_the_field_of_view_says(outcome, measured):
+    """With tilt, version and vergence; the last one turns the eyes in opposite directions."""
+    assert outcome.verdict("healthy") is Verdict.PASSED, outcome.detail("healthy")
+    ways = measured(outcome, "healthy", "way of the pictures")
+    assert [one.subject for one in ways] == ["/icubSim/cam/left", "/icubSim/cam/right"]
+    assert all(one.value == pytest.approx(100.0, abs=12.0) for one in ways)
+    for joint in ("eyes_tilt", "eyes_version", "eyes_vergence"):
+        assert measured(outcome, "healthy", f"expected with {joint}")[0].value > 8.0
+
+
+@pytest.mark.parametrize("name", [name for name, (inject, _) in CASES.items() if inject])
+def test_each_fault_is_found_at_its_camera(outcome, name):
+    """With what it is."""
+    assert outcome.verdict(name) is Verdict.FAILED
+    assert CASES[name][1] in outcome.detail(name)
