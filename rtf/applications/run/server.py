@@ -7,7 +7,6 @@ a program; and ``sysinfo`` has the machine's figures only.
 
 from __future__ import annotations
 
-import errno
 import os
 import shutil
 import signal
@@ -18,22 +17,20 @@ from typing import TYPE_CHECKING, Self
 from rtf import clock
 from rtf.applications.run import sysinfo
 from rtf.applications.run.access import RunAccess
-from rtf.applications.run.children import Child, Children, Launch
+from rtf.applications.run.children import Child, Children
 from rtf.applications.run.errors import RunError, StartError
 from rtf.applications.run.output import LineSender
+from rtf.applications.run.programs import make_launch, make_window
 from rtf.applications.run.protocol import (
-    MAX_WORDS,
     Ask,
     Kill,
     Running,
     Start,
     aborted,
-    read_environment,
     read_request,
-    split_words,
     started,
 )
-from rtf.applications.run.streams import WINDOW, Streams, window_words
+from rtf.applications.run.streams import WINDOW, Streams
 from rtf.bottle import Bottle
 from rtf.logs.record import COLLECTOR
 from rtf.middleware.errors import MiddlewareError, ProtocolError
@@ -46,7 +43,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
     from types import TracebackType
 
-    from rtf.applications.run.children import Sink
+    from rtf.applications.run.children import Launch, Sink
     from rtf.applications.run.record import NodeRecord
     from rtf.middleware.ports.inputs import Input
     from rtf.middleware.ports.network import Network
@@ -118,6 +115,7 @@ class RunServer:
         self._grace = grace
         self._record = record
         self._on_exit = on_exit
+        self._ready = threading.Event()
         self._leaving = False
         self._stdio_count = 0
         self._lock = threading.Lock()
@@ -147,6 +145,8 @@ class RunServer:
             try:
                 self._check_address()
                 network.names.set_property(self.name, "yarprun", ["true"])
+                if record is not None:
+                    self._take_over(record)
             except BaseException:
                 self._port.close()
                 raise
@@ -154,8 +154,8 @@ class RunServer:
             self._children.close(0.0)
             self._windows.close(0.0)
             raise
-        if record is not None:
-            self._take_over(record)
+        finally:
+            self._ready.set()
 
     @property
     def name(self) -> str:
@@ -221,6 +221,7 @@ class RunServer:
 
     def _answer(self, message: Bottle) -> object:
         request = read_request(message)
+        self._ready.wait()  # nobody is told that a held program does not run before it is found
         if isinstance(request, Start):
             return Bottle(self._start(request))
         if isinstance(request, Kill):
@@ -281,47 +282,11 @@ class RunServer:
 
     def _launch(self, request: Start) -> tuple[Child, Streams | None]:
         """Start what is asked for. Return the child, and its streams if they are to be shown in a terminal."""
-        words = split_words(request.command)
-        if not words or not request.tag:
-            raise StartError("it has no command" if not words else "it has no tag; name one with (as TAG)")
-        if len(words) > MAX_WORDS:
-            raise StartError(f"it has {len(words)} words, and {MAX_WORDS} are the most")
-        directory = Path(request.directory or ".").absolute()
-        if not directory.is_dir():
-            raise StartError(
-                f"cannot set working directory {os.strerror(errno.ENOTDIR if directory.exists() else errno.ENOENT)}"
-            )
         logger = self._log if request.log is None else request.log or self._log or COLLECTOR
-        changed = read_environment(request.environment)
-        variables = self._variables(changed, forwarded=logger is not None or bool(request.stdio))
-        program = _find_program(words[0], directory, variables.get("PATH"))
-        self._access.check_program(program, changed, os.environ)
-        launch = Launch(
-            request.tag,
-            request.command,
-            program,
-            words,
-            variables,
-            str(directory) if request.directory else None,
-            request.environment,
-            request.hold and not request.stdio,
-            logger,
-        )
+        launch = make_launch(request, self._access, logger)
         if not request.stdio:
             return self._children.start(launch, self._begin), None
         return self._launch_with_streams(launch, request)
-
-    @staticmethod
-    def _variables(changed: dict[str, str | None], *, forwarded: bool) -> dict[str, str]:
-        variables = {**os.environ, "YARP_IS_YARPRUN": "1", "YARPRUN_IS_FORWARDING_LOG": str(int(forwarded))}
-        if forwarded:
-            variables["PYTHONUNBUFFERED"] = "1"
-        for name, value in changed.items():
-            if value is None:
-                variables.pop(name, None)
-            else:
-                variables[name] = value
-        return variables
 
     def _begin(self, child: Child) -> Iterable[Sink]:
         """Say that a program has started, before it can be said that it has ended. Return what takes its output."""
@@ -362,11 +327,7 @@ class RunServer:
     def _open_window(self, request: Start) -> list[object]:
         """Open a terminal for a program of another node, or of this one."""
         try:
-            words = window_words(request)
-            program = _find_program(WINDOW, Path.cwd(), os.environ.get("PATH"))
-            self._access.check_program(program, (), os.environ)
-            launch = Launch(request.tag, WINDOW, program, words, self._variables({}, forwarded=False))
-            child = self._windows.start(launch)
+            child = self._windows.start(make_window(request, self._access))
         except StartError as error:
             self._say(f"{self._port.asker} cannot open a terminal for {request.tag}: {error}")
             return aborted(self.name, request, f"Can't execute command because {error}", WINDOW)
@@ -381,14 +342,3 @@ class RunServer:
         windows = [one for one in self._windows.find(request.about) if one.pid not in self._held_windows]
         self._windows.signal(windows, signal.SIGTERM)
         return Bottle(["killstdio OK"])
-
-
-def _find_program(name: str, directory: Path, path: str | None) -> str:
-    """Find a program as the original does: in the working directory, then on PATH. Raises StartError."""
-    here = directory / name
-    if here.is_file() and os.access(here, os.X_OK):
-        return str(here)
-    found = shutil.which(name, path=path) if "/" not in name else None
-    if found is None:
-        raise StartError(os.strerror(errno.EACCES if here.is_file() else errno.ENOENT))
-    return str(Path(found).absolute())
