@@ -3,8 +3,11 @@
 A motor with a large duty cycle turns in its direction, or is held by something. This is true of any motor and any
 load, so no model of either is needed; it is asked only after a motion that has gone wrong. Joints that share motors are
 compared with the motors: a jam shows in the motion of one joint, a dead motor in the turns of one rotor, while the
-controllers of the joints drive all of their motors. The explanation with the fewest culprits holds. A limb that is out
-of control may press others against something; a cause comes first, so who stopped to follow first is accused.
+controllers of the joints drive all of their motors. The explanation with the fewest culprits holds.
+
+A joint that stands still with a large duty cycle may carry a load, or be pressed against something by others. That
+explains the stop of the joint itself, or of one that shares its motors, and no other. Elsewhere a motor has to turn
+against its duty cycle; a cause comes first, so who stopped to follow first is accused.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ import numpy as np
 from rtf.robot_testing.judging.blame import Evidence
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Collection, Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -33,9 +36,6 @@ _WAY = 5.0
 #: Two motors are exchanged if each turns with the duty cycle of the other one for this share of the states in which it
 #: turns clearly, deg/s of the joint; and the fewest of these.
 _MOSTLY, _CLEARLY, _FEWEST = 0.7, 10.0, 5
-#: A joint that rests with a large duty cycle, against a stop or a load, is no evidence: within this time, s, its duty
-#: cycle has not grown by what counts as pressing, %.
-_LATELY, _GROWN = 1.0, 15.0
 #: Who stops to follow later than the first one by this time, s, is not accused.
 _LATER = 0.1
 
@@ -54,8 +54,11 @@ class Drive(NamedTuple):
     coupling: FloatArray
 
 
-def drive_evidence(drive: Drive, names: Sequence[str]) -> list[Evidence]:
-    """Return the evidence on motors and joints that do not follow their duty cycles; none if all do."""
+def drive_evidence(drive: Drive, names: Sequence[str], suspects: Collection[int] = ()) -> list[Evidence]:
+    """Return the evidence on motors and joints that do not follow their duty cycles; none if all do.
+
+    ``suspects`` are the joints that were stopped, or are late.
+    """
     if len(drive.time) < 2:  # noqa: PLR2004 - speeds need two
         return []
     turning = _speeds(drive.time, drive.turns) / np.abs(drive.coupling).max(axis=1)
@@ -65,15 +68,18 @@ def drive_evidence(drive: Drive, names: Sequence[str]) -> list[Evidence]:
     if pair := _exchanged(motors, drive.duties, turning):
         what = f"the motors of {names[pair[0]]} and {names[pair[1]]} are swapped"
         return [Evidence(frozenset(pair), f"{what}: each turns by the duty cycle of the other", ("swapped motors",))]
-    found: list[tuple[float, Evidence]] = []
+    elsewhere: list[tuple[float, Evidence]] = []
     for group in _groups(drive.coupling):
         of_motors, of_joints = [one for one in group if one in motors], [one for one in group if one in joints]
-        if len(group) == 1 or len(of_motors) < len(of_joints) or not of_joints:
-            found += [(motors[one], _motor(drive, one, names)) for one in of_motors]
-        else:
-            found += [(joints[one], _joint(one, names, float(_recent(drive, efforts)[one]))) for one in of_joints]
-    first = min((since for since, _ in found), default=0.0)
-    return [one for since, one in found if since <= first + _LATER]
+        by_motor = len(group) == 1 or len(of_motors) < len(of_joints) or not of_joints
+        if not {*group}.isdisjoint(suspects) and (of_motors or of_joints):
+            if by_motor:
+                return [_motor(drive, one, names) for one in of_motors]
+            return [_joint(one, names, float(_recent(drive, efforts)[one])) for one in of_joints]
+        if by_motor:
+            elsewhere += [(motors[one], _motor(drive, one, names)) for one in of_motors if _against(drive, one)]
+    first = min((since for since, _ in elsewhere), default=0.0)
+    return [one for since, one in elsewhere if since <= first + _LATER]
 
 
 def _speeds(time: FloatArray, positions: FloatArray) -> FloatArray:
@@ -83,15 +89,11 @@ def _speeds(time: FloatArray, positions: FloatArray) -> FloatArray:
 
 
 def _stubborn(time: FloatArray, efforts: FloatArray, speeds: FloatArray) -> dict[int, float]:
-    """Return the axes that have not moved with a large effort for some time until the end, each with its begin (s).
-
-    An effort that has been the same for longer holds a load, or presses against a stop on purpose.
-    """
+    """Return the axes that have not moved with a large effort for some time until the end, each with its begin (s)."""
     follows = (np.abs(efforts) < _LARGE) | (speeds * np.sign(efforts) >= _SLOW)
     recent = time >= time[-1] - _LASTING
-    grown = np.ptp(efforts[time >= time[-1] - _LATELY], axis=0) >= _GROWN
     found = {}
-    for axis in np.flatnonzero(grown & (follows[recent].mean(axis=0) <= 1.0 - _MOSTLY)):
+    for axis in np.flatnonzero(follows[recent].mean(axis=0) <= 1.0 - _MOSTLY):
         followed = np.flatnonzero(follows[~recent, axis])
         found[int(axis)] = float(time[followed[-1] + 1] if followed.size else time[0])
     return found
@@ -136,15 +138,26 @@ def _groups(coupling: FloatArray) -> list[list[int]]:
     return groups
 
 
+def _turned(drive: Drive, motor: int) -> float:
+    """Return how far a motor has turned, deg of the joint."""
+    return float(drive.turns[-1, motor] - drive.turns[0, motor]) / float(np.abs(drive.coupling[motor]).max())
+
+
+def _against(drive: Drive, motor: int) -> bool:
+    """Whether a motor has turned against its duty cycle."""
+    turned = _turned(drive, motor)
+    return turned * float(_recent(drive, drive.duties)[motor]) < 0 and abs(turned) > _WAY
+
+
 def _motor(drive: Drive, motor: int, names: Sequence[str]) -> Evidence:
-    turned = float(drive.turns[-1, motor] - drive.turns[0, motor]) / float(np.abs(drive.coupling[motor]).max())
     duty = float(_recent(drive, drive.duties)[motor])
     turned_by = [names[int(joint)] for joint in np.flatnonzero(drive.coupling[motor])]
     what = f"the motor of {names[motor]}"
     if len(turned_by) > 1:
         what += f", which moves {' and '.join(turned_by)},"
-    if turned * duty < 0 and abs(turned) > _WAY:
-        text = f"{what} turns against its duty cycle: by {turned:+.1f} deg of the joint, at {duty:+.0f} %"
+    if _against(drive, motor):
+        way = _turned(drive, motor)
+        text = f"{what} turns against its duty cycle: by {way:+.1f} deg of the joint, at {duty:+.0f} %"
         return Evidence(frozenset({motor}), text, ("does not move", "sign"))
     return Evidence(frozenset({motor}), f"{what} does not turn at a duty cycle of {duty:+.0f} %", ("does not move",))
 

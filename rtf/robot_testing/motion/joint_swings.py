@@ -121,7 +121,8 @@ class JointSwinger:
         """Exclude the joints that are far outside of their limits before anything moves, and who is to blame for it."""
         outside = exclude_joints_out_of_limits(self.part)
         if outside:
-            self.exclude({*outside, *self._blamed(stop_evidence(self.part, None, self.transmission), outside)})
+            found = stop_evidence(self.part, None, self.transmission, late=outside)
+            self.exclude({*outside, *self._blamed(found, outside)})
 
     def exclude(self, joints: Collection[int]) -> None:
         """Exclude joints and those that are coupled with them; leave all of them without power."""
@@ -210,7 +211,7 @@ class JointSwinger:
                 raise
         late = _unseen_outcomes(part, unseen) or watch.late(part)
         if late:
-            found = stop_evidence(part, None, self.transmission)
+            found = stop_evidence(part, None, self.transmission, late=late)
             found += [_evidence(part, joint, late[joint], certain=joint in unseen) for joint in late]
             self.exclude(self._blamed(found, late))
         return failed | {j: self._lost_before(j) for j in going if self.lost(j)} | late

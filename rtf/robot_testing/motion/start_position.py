@@ -60,7 +60,7 @@ def bringing(
 def late_evidence(part: Part, late: Mapping[int, str]) -> list[Evidence]:
     """Return the evidence on the joints of a part, some of which have not arrived, as ``late_joints`` says."""
     found = [Evidence(frozenset({joint}), text, ("does not move",), certain=False) for joint, text in late.items()]
-    return [*stop_evidence(part), *found]
+    return [*stop_evidence(part, late=late), *found]
 
 
 def late_joints(

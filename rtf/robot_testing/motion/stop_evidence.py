@@ -20,6 +20,8 @@ from rtf.robot_testing.judging.drive_agreement import Drive, drive_evidence
 from rtf.robot_testing.judging.encoder_agreement import Motion, encoder_evidence
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from rtf.robot_testing.guard.limits import GuardError
     from rtf.robot_testing.motion.part import Part
 
@@ -31,23 +33,29 @@ _NEEDED = (Field.JOINT_POSITIONS, Field.MOTOR_POSITIONS, Field.DUTY_CYCLES)
 
 
 def stop_evidence(
-    part: Part, error: GuardError | None = None, transmission: Transmission | None = None
+    part: Part,
+    error: GuardError | None = None,
+    transmission: Transmission | None = None,
+    *,
+    late: Collection[int] = (),
 ) -> list[Evidence]:
     """Return the evidence on the joints of a part after a motion that went wrong, the certain one first.
 
-    ``error`` is the guard's, if it had to stop a joint. Without ``transmission`` it is read from the board.
+    ``error`` is the guard's, if it had to stop a joint; ``late`` are joints that did not go where they should. Without
+    ``transmission`` it is read from the board.
     """
     found: list[Evidence] = []
     with suppress(RobotError):  # then the encoders cannot be compared, and the guard's word counts
         known = transmission or Transmission.read(part.board)
-        found = _by_sensors(part, math.inf if error is None else error.time, known)
+        suspects = late if error is None else [*late, error.joint]
+        found = _by_sensors(part, math.inf if error is None else error.time, known, suspects)
     if error is not None and error.joint >= 0:
         stopped = frozenset({error.joint})
         found.append(Evidence(stopped, str(error), (error.finding,), certain=False, excuse=error.excuse))
     return found
 
 
-def _by_sensors(part: Part, until: float, transmission: Transmission) -> list[Evidence]:
+def _by_sensors(part: Part, until: float, transmission: Transmission, suspects: Collection[int]) -> list[Evidence]:
     states = part.history.copy()
     if len(states) < _FEWEST or not all(states.newest[1].valid[field] for field in _NEEDED):
         return []
@@ -60,4 +68,5 @@ def _by_sensors(part: Part, until: float, transmission: Transmission) -> list[Ev
     gearbox, coupling = transmission.gearbox, transmission.coupling
     found = encoder_evidence(Motion.of(joints, motors, gearbox, coupling), part.names)
     duties = states.duty_cycles[chosen] * np.sign(gearbox)
-    return found or drive_evidence(Drive(time[chosen], duties, joints, motors / gearbox, coupling), part.names)
+    drive = Drive(time[chosen], duties, joints, motors / gearbox, coupling)
+    return found or drive_evidence(drive, part.names, suspects)
