@@ -67,8 +67,11 @@ def judge_channels(
 ) -> None:
     """Judge the axes and the gains of a sensor with three channels, such as its ``force`` in ``N``.
 
-    Axes along which the vector hardly changes are reported as not judged.
+    What its line does not explain is at most twice the error of a sample, and the share ``bounds.gain`` of the vector's
+    change: more is a sensor that is turned, or cross-talk. The gains of axes along which the vector hardly changes are
+    reported as not judged.
     """
+    whole = float(np.linalg.norm(expected.std(axis=0)))
     for own, channel in enumerate(channels_of(measured, expected, bounds.error)):
         name = f"{what} {_AXES[own]}"
         shown = f"{'-' if channel.sign < 0 else ''}{_AXES[channel.axis]}"
@@ -77,6 +80,9 @@ def judge_channels(
             f"{sensor}: its {name} shows what is along {shown}; {likely_causes('sensor axes')}",
         ):
             continue
+        off = channel.line.rms if channel.spread > bounds.error else float(measured[:, own].std())
+        hint = f"{sensor}: its {name} changes by {off:.2g} {symbol} without a reason; {likely_causes('sensor axes')}"
+        test.measure(f"unexplained of {name}", off, symbol, high=2.0 * bounds.error + bounds.gain * whole, hint=hint)
         if channel.spread < bounds.known * bounds.error:
             test.report(f"{name} should change by {channel.spread:.2g} {symbol} only: its gain is not judged")
             continue

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rtf.robot_testing.judging.vector_channels import channels_of
+from rtf.robot_testing.judging.vector_channels import Bounds, channels_of, judge_channels
 
 ERROR = 0.1
 RANDOM = np.random.default_rng(5)
@@ -38,3 +38,59 @@ def test_an_axis_without_a_load_is_known_by_its_spread():
     assert channels[2].spread < ERROR
     exchanged = channels_of((loads + NOISE)[:, [0, 2, 1]], loads, ERROR)
     assert exchanged[2].axis == 1, "it shows a load that it cannot have"
+
+
+class Judged:
+    """Keeps what a test would have judged: the names of the values out of bounds."""
+
+    def __init__(self) -> None:
+        self.wrong: list[str] = []
+        self.reports: list[str] = []
+
+    def measure(self, name, value, unit="", low=None, high=None, hint=""):
+        """Keep the name of a value out of bounds."""
+        if (low is not None and value < low) or (high is not None and value > high):
+            self.wrong.append(name)
+
+    def check_fail_if_false(self, condition, text):
+        """Keep the failure."""
+        if not condition:
+            self.wrong.append(text.partition("; ")[0])
+        return condition
+
+    def report(self, text):
+        """Keep the report."""
+        self.reports.append(text)
+
+
+def judged(measured: np.ndarray, loads: np.ndarray = LOADS) -> Judged:
+    """What is wrong with a sensor of forces."""
+    found = Judged()
+    judge_channels(found, "left", "force", "N", measured, loads, Bounds(gain=0.1, error=ERROR, known=5.0))
+    return found
+
+
+def test_gains_beyond_the_tolerance_fail_and_an_offset_does_not():
+    """Each channel by itself."""
+    assert judged(LOADS + NOISE + 30.0).wrong == []
+    assert judged(LOADS * [1.0, 0.85, 1.0] + NOISE).wrong == ["gain of force y"]
+
+
+def test_a_turned_sensor_has_changes_without_a_reason():
+    """By 15 degrees about z: the gains of x and y are hardly wrong."""
+    c, s = np.cos(np.radians(15.0)), np.sin(np.radians(15.0))
+    turned = LOADS @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    assert {"unexplained of force x", "unexplained of force y"} <= set(judged(turned + NOISE).wrong)
+    assert "unexplained of force z" not in judged(turned + NOISE).wrong
+
+
+def test_what_cannot_be_known_is_reported():
+    """The gain of an axis along which nothing changes; exchanged axes are named."""
+    loads = LOADS * [1.0, 1.0, 0.001]
+    found = judged(loads + NOISE, loads)
+    assert found.wrong == []
+    assert found.reports[0].startswith("force z should change by")
+    assert judged(LOADS[:, [1, 0, 2]] + NOISE).wrong[:2] == [
+        "left: its force x shows what is along y",
+        "left: its force y shows what is along x",
+    ]
