@@ -76,7 +76,7 @@ def _limits(judged: Sequence[JudgedCase]) -> str:
         if any(one.case.expectation is Expectation.LIMIT for one in several):
             ordered = sorted(several, key=lambda one: abs(_severity_of(one) or 0.0))
             found = [one for one in ordered if one.judgement is Judgement.FOUND]
-            missed = [one for one in ordered if one.judgement is not Judgement.FOUND]
+            missed = [one for one in ordered if one.judgement in (Judgement.SILENT, Judgement.MISSED)]
             cells = [ordered[0].case.test, ordered[0].case.fault, ordered[0].case.target]
             cells += [_severity(found[0].case) if found else "nothing", _severity(missed[-1].case) if missed else ""]
             rows.append(f"| {' | '.join(map(_cell, cells))} |\n")
