@@ -19,7 +19,7 @@ import numpy as np
 from rtf.robot_testing.judging.blame import Evidence
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -99,11 +99,16 @@ def _stubborn(time: FloatArray, efforts: FloatArray, speeds: FloatArray) -> dict
     return found
 
 
-def _exchanged(motors: Iterable[int], duties: FloatArray, turning: FloatArray) -> tuple[int, int] | None:
-    """Return the two motors of which each turns by the duty cycle of the other one, at least one not by its own."""
+def _exchanged(motors: Mapping[int, float], duties: FloatArray, turning: FloatArray) -> tuple[int, int] | None:
+    """Return the two motors of which each turns by the duty cycle of the other one, at least one not by its own.
+
+    ``motors`` are those that do not follow, and since when. One that stopped to follow later than the first was pressed
+    against something.
+    """
     best, found = 0, None
-    for motor in motors:
-        for other in range(duties.shape[1]):
+    latest = min(motors.values(), default=0.0) + _LATER
+    for motor in (one for one, since in motors.items() if since <= latest):
+        for other in (one for one in range(duties.shape[1]) if motors.get(one, latest) <= latest):
             shares = _turning_by(duties[:, motor], turning[:, other]), _turning_by(duties[:, other], turning[:, motor])
             own = _turning_by(duties[:, other], turning[:, other])
             if other != motor and min(shares) > max(best, own):

@@ -98,6 +98,15 @@ def test_who_gives_way_first_explains_the_stop_of_another_joint():
     assert own.joints == {3}
 
 
+def test_a_motor_that_is_pressed_later_is_not_exchanged():
+    """By chance it turned with the duty cycle of the first one, and that one with its own."""
+    duties, turns = STILL.copy(), STILL.copy()
+    duties[20:, 0], turns[20:60, 0] = 70.0, -30.0
+    duties[40:, 3], turns[40:60, 3] = -60.0, 40.0
+    (found,) = evidence(duties, turns, (0,))
+    assert found.joints == {0}
+
+
 def test_a_single_state_is_no_evidence():
     """It has no speed."""
     assert drive_evidence(Drive(TIME[:1], STILL[:1] + 90.0, STILL[:1], STILL[:1], COUPLING), NAMES) == []
