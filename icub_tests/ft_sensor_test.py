@@ -57,7 +57,7 @@ class FtSensorTest(RateTest):
     # One step per minute of a 16 bit converter (1000 N, 20 Nm) is more; rounding errors are less.
     least_noise = Parameter(float, "least standard deviation of a force", unit="N", default=1e-6, low=0.0)
     least_torque_noise = Parameter(float, "the same of a torque", unit="Nm", default=1e-6, low=0.0)
-    # Ten and twenty-five times the noise of the simulated sensors: a loose cable shows more.
+    # Ten counts of a sensor of 1500 N and fifty of one of 35 Nm with 16 bits: a loose cable shows more.
     force_noise = Parameter(float, "greatest standard deviation of a force", unit="N", default=0.5, low=0.0)
     torque_noise = Parameter(float, "greatest standard deviation of a torque", unit="Nm", default=0.05, low=0.0)
     # Three times the weight of a whole iCub.

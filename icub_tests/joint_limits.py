@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 _STILL, _AT_REST, _STALLED = 0.05, 0.15, 1.0
 #: Additional time of a move beyond twice the expected one, s; and the reaction time of a board, s.
 _GRACE, _REACTION = 3.0, 0.15
-#: A controller that follows a target beyond the limit adds its gain times the way to its output. It may add at most the
-#: first share of that, and always the second share of its greatest output, as its integral may still be growing. The
-#: shares were chosen: on the simulated robot a board that keeps its limits adds nothing, one that does not adds it all.
+#: A controller that follows a target beyond the limit adds its gain times the way to its output, and one that keeps the
+#: limit adds nothing. It may add at most the first share of that, and always the second share of its greatest output,
+#: as its integral may still be growing. The shares are chosen, between all and nothing.
 _PUSH, _LEAST_PUSH = 0.4, 0.03
 #: Tolerance between a configured and an expected limit, deg; chosen, as files have limits in whole degrees, or to a
 #: tenth.

@@ -216,5 +216,6 @@ class MovementReferencesTest(JointsTest):
                 self.measure(what, value, unit, low=expected - tolerance, high=expected + tolerance, hint=hint)
 
 
-#: Tolerance of a velocity, as a share: twice the error of the worst healthy joint of the simulated robot.
+#: Tolerance of a velocity, as a share: the ramp at its begin, stiction and coupled joints are within it, and a velocity
+#: that is halved, doubled or in another unit is not.
 _TAKEN = 0.4

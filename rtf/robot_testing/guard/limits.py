@@ -21,9 +21,8 @@ class Limits:
     torque: float | None = 1.5  # factor of the greatest torque of its motor: more has an external cause
     temperature: float | None = 1.0  # factor of its temperature limit
     pressing: bool = True  # whether joints are released that press, by the times of the robot's profile
-    #: Greatest sudden change of the force at the part's sensor beyond what its motion explains, N. A free limb of the
-    #: simulated robot shows 0.3 N when it falls or stops from full speed, and 13 N with stamps that are wrong by 20 ms.
-    #: A self-collision at 20 deg/s shows 25 N with a finger, 60 to 100 N with any other link.
+    #: Greatest sudden change of the force at the part's sensor beyond what its motion explains, N. Chosen: a tenth of
+    #: the 140 N that ISO/TS 15066 allows a robot to press on a hand, and more than the drift of strain gauges.
     contact: float | None = 15.0
 
 
