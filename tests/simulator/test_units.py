@@ -39,7 +39,13 @@ def test_units_differ_within_the_spreads():
     """A number always draws the same unit; masses, inertias and frictions are those of the nominal robot, nearly."""
     nominal, one, again, other = plant(0), plant(1), plant(1), plant(2)
     moving = slice(1, None)  # the first body is the world
-    for what, most in (("body_mass", 0.05), ("body_inertia", 0.05), ("dof_armature", 0.05), ("dof_frictionloss", 0.3)):
+    for what, most in (
+        ("body_mass", 0.05),
+        ("body_inertia", 0.05),
+        ("dof_armature", 0.05),
+        ("dof_frictionloss", 0.3),
+        ("actuator_gainprm", 0.08),
+    ):
         usual, drawn = (np.asarray(getattr(each.model, what))[moving] for each in (nominal, one))
         ratios = drawn[usual > 0] / usual[usual > 0]
         assert np.all(np.abs(ratios - 1.0) <= most), what
