@@ -332,12 +332,20 @@ class RobotTest(TestCase):
                 part.guard.exclude_coupled(other, "which was left without power")
 
     def judge_if_lost(self, part: Part, joint: int) -> bool:
-        """Return whether a joint was excluded; judge it by what is known in that case."""
+        """Return whether a joint was excluded; judge it by what is known in that case.
+
+        A joint that was stopped has failed or not by that; without evidence of its own it only cannot be tested.
+        """
         if part.guard is None or not part.guard.is_excluded(joint):
             return False
+        known = self._evidence.get(part.name, [])
         text = f"{part.names[joint]} was excluded and left without power"
         complaint = Evidence(frozenset({joint}), text, ("stopped",), certain=False)
-        self.judge_evidence(part, joint, complaint, self._evidence.get(part.name, []))
+        if known:
+            self.judge_evidence(part, joint, complaint, known)
+        else:
+            with self.subresult(part.names[joint]):
+                self.inconclusive(f"{text}: it cannot be tested")
         return True
 
     def explained(self, part: Part, joint: int) -> str:

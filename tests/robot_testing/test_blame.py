@@ -311,3 +311,13 @@ def test_a_culprit_is_left_without_power_when_it_disturbs_another_joint(
         "joint2": Verdict.INCONCLUSIVE,
     }
     assert "joint1: its motor moves it" in failures(said)["joint1"]
+
+
+def test_an_excluded_joint_without_evidence_of_its_own_is_not_failed_again(
+    bench: PartBench, said: list[Event], made: Callable[..., Any]
+):
+    """Its stops were judged when they happened; now it cannot be tested."""
+    test = made()
+    bench.guard.exclude(0, "it had to be stopped again")
+    assert test.judge_if_lost(bench.part, 0)
+    assert verdicts(said) == {"joint0": Verdict.INCONCLUSIVE}
