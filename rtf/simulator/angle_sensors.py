@@ -9,6 +9,7 @@ import numpy as np
 
 from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import IAnalogSensor, SensorReading
+from rtf.robot.model.file import Accuracy
 from rtf.simulator.simulated_sensors import SimulatedSensor
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ class SimulatedAngles(SimulatedSensor, IAnalogSensor):
 
     def __init__(self, name: str, settings: AngleSensors, simulation: Simulation) -> None:
         channels = settings.channels
-        super().__init__(name, simulation, np.full(len(channels), settings.noise))
+        super().__init__(name, simulation, [Accuracy(noise=settings.noise)], each=len(channels))
         self._random = self._new_random()
         index = simulation.plant.robot.index
         self._axes = [index[axis] for axis, _ in channels]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from rtf.robot.model import RobotModel
-    from rtf.robot.model.file import ForceTorque
+    from rtf.robot.model.file import ForceTorque, Inertial
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class ImuSensor:
 
     name: str
     frame: str
-    port: str
+    settings: Inertial
     orientation: slice  # quaternion w, x, y, z of the sensor in the world
     gyroscope: slice  # rad/s
     accelerometer: slice  # m/s2; upwards 9.81 at rest
@@ -90,7 +90,7 @@ def imu_sensors(model: Any, robot: RobotModel) -> tuple[ImuSensor, ...]:
         ImuSensor(
             name=name,
             frame=name,
-            port=unit.port,
+            settings=unit,
             orientation=_slice(model, f"{name}/orientation"),
             gyroscope=_slice(model, f"{name}/gyroscope"),
             accelerometer=_slice(model, f"{name}/accelerometer"),

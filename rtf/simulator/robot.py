@@ -94,7 +94,7 @@ class SimulatedRobot:
             settings.port: SimulatedAngles(name, settings, self.simulation)
             for name, settings in model.sensors.angles.items()
         }
-        self.imus = {sensor.port: SimulatedImu(sensor, self.simulation) for sensor in plant.imus}
+        self.imus = {sensor.settings.port: SimulatedImu(sensor, self.simulation) for sensor in plant.imus}
         self.skin = {
             name: SimulatedSkin(name, settings, self.simulation) for name, settings in model.sensors.skin.items()
         }

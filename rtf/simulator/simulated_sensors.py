@@ -1,13 +1,14 @@
 """The sensors of the simulated robot as devices: force-torque sensors and the inertial unit, with noise.
 
-Without noise a sensor at rest would repeat its readings, unlike a real one; the noise follows from the simulation's
-seed. Faults are functions in lists, which are empty in a healthy robot. A sensor measures at most once a step, so that
-all ports publish the same reading.
+Without noise a sensor at rest would repeat its readings, unlike a real one; noise and drift follow from the seed of the
+simulation. A reading is what is measured, with noise, drift and faults, in whole counts. Faults are functions in lists,
+which are empty in a healthy robot. A sensor measures at most once a step, so that all ports publish the same reading.
 """
 
 from __future__ import annotations
 
 import math
+import zlib
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,22 +30,25 @@ if TYPE_CHECKING:
 
     from rtf.bottle import Property
     from rtf.robot.interfaces import FloatArray
+    from rtf.robot.model.file import Accuracy
     from rtf.robot.sensors.measurements import Measurements
     from rtf.simulator.model_sensors import FtSensor, ImuSensor
     from rtf.simulator.simulation import Simulation
 
-#: Standard deviations of an inertial unit: deg/s, m/s², T, deg.
-_IMU_NOISE = {
-    SensorCategory.GYROSCOPE: 0.05,
-    SensorCategory.ACCELEROMETER: 0.02,
-    SensorCategory.MAGNETOMETER: 1e-7,
-    SensorCategory.ORIENTATION: 0.02,
-}
-_IMU_DEVIATION = np.repeat([*_IMU_NOISE.values()], 3)
+#: The sensors of an inertial unit: deg/s, m/s², T, deg.
+_IMU = (
+    SensorCategory.GYROSCOPE,
+    SensorCategory.ACCELEROMETER,
+    SensorCategory.MAGNETOMETER,
+    SensorCategory.ORIENTATION,
+)
 #: For each sensor of the unit, by category: its slice of the numbers of an inertial unit.
-_IMU_PLACES = [(category, slice(3 * category, 3 * category + 3)) for category in _IMU_NOISE]
+_IMU_PLACES = [(category, slice(3 * category, 3 * category + 3)) for category in _IMU]
 # Names of this module, as the look-up of members of an enumeration is slow.
 _WELL, _FORCE_TORQUE, _CATEGORIES = SensorStatus.OK, SensorCategory.FORCE_TORQUE, len(SensorCategory)
+#: Drifts are told by the minute.
+_MINUTE = 60.0
+_DRIFT_SEED = 0xD21F7
 #: Number of measurements whose noise is drawn at once, which takes a tenth of the time.
 _DRAWN = 256
 
@@ -52,15 +56,20 @@ _DRAWN = 256
 class SimulatedSensor(Device):
     """Base class of the sensors, which live as long as the simulation.
 
-    ``deviation`` has the standard deviation of each number of a reading.
+    ``accuracies`` are those of the quantities of a reading, each of which has ``each`` numbers.
     """
 
-    def __init__(self, name: str, simulation: Simulation, deviation: FloatArray) -> None:
+    def __init__(self, name: str, simulation: Simulation, accuracies: Sequence[Accuracy], each: int = 3) -> None:
         super().__init__(name)
         self.simulation = simulation
         self._boards = simulation.boards
-        self._deviation = deviation
-        self._zero = np.zeros(deviation.size)
+        self._deviation = np.repeat([one.noise for one in accuracies], each)
+        counts = np.repeat([one.count for one in accuracies], each)
+        self._counted = np.flatnonzero(counts)
+        self._counts = counts[self._counted]
+        drift = np.repeat([one.drift for one in accuracies], each)
+        self._drift = Drift(name, simulation, drift) if drift.any() else None
+        self._zero = np.zeros(self._deviation.size)
         self._noise: Iterator[FloatArray] = iter(())
         #: Faults: each is called with the readings by sensor name, and the time, and changes them in place.
         self.faults: list[Callable[[str, SensorCategory, FloatArray, float], None]] = []
@@ -88,6 +97,11 @@ class SimulatedSensor(Device):
         """Return ``count`` standard normal random numbers."""
         return self.simulation.noise(count)
 
+    def _count(self, values: FloatArray) -> None:
+        """Round numbers to whole counts, in place."""
+        if self._counted.size:
+            values[self._counted] = np.rint(values[self._counted] / self._counts) * self._counts
+
     def open(self, configuration: Property) -> None:
         """Do nothing: it is open from its construction."""
 
@@ -95,13 +109,38 @@ class SimulatedSensor(Device):
         """Do nothing: there are no resources."""
 
 
+class Drift:
+    """The bias of a sensor: a random walk with a step every second, whenever it is read.
+
+    It has random numbers of its own, so the noise of all sensors does not depend on it.
+    """
+
+    def __init__(self, name: str, simulation: Simulation, a_minute: FloatArray) -> None:
+        self._seed = [_DRIFT_SEED, zlib.crc32(name.encode())]
+        self._simulation = simulation
+        self._steps = a_minute / math.sqrt(_MINUTE)
+        self._begin_anew()
+        simulation.on_reset.append(self._begin_anew)
+
+    def _begin_anew(self) -> None:
+        self._random = np.random.default_rng([self._simulation.seed, *self._seed])
+        self._bias = np.zeros(self._steps.size)
+        self._second = int(self._simulation.now)
+
+    def at(self, now: float) -> FloatArray:
+        """Return the bias. The array must not be changed."""
+        while self._second < int(now):
+            self._second += 1
+            self._bias = self._bias + self._steps * self._random.standard_normal(self._steps.size)
+        return self._bias
+
+
 class SimulatedForceTorque(SimulatedSensor, IAnalogSensor, IMultipleAnalogSensors, IMeasurementsSource):
     """A force-torque sensor: three forces (N) and three torques (Nm), minus the zero offset."""
 
     def __init__(self, sensor: FtSensor, simulation: Simulation) -> None:
         settings = sensor.settings
-        deviation = np.array([settings.force_noise] * 3 + [settings.torque_noise] * 3)
-        super().__init__(sensor.name, simulation, deviation)
+        super().__init__(sensor.name, simulation, [settings.force, settings.torque])
         self.sensor = sensor
         self._forces = simulation.data.sensordata[sensor.force.start : sensor.torque.stop]  # a view; the other way
         self._reading = SensorReading(self._zero, 0.0)
@@ -128,8 +167,11 @@ class SimulatedForceTorque(SimulatedSensor, IAnalogSensor, IMultipleAnalogSensor
             self._measured_at = boards.tick
             values = self._next_noise() - self._forces
             now = boards.now
+            if self._drift is not None:
+                values += self._drift.at(now)
             for fault in self.faults:
                 fault(self.name, _FORCE_TORQUE, values, now)
+            self._count(values)
             self._reading = SensorReading(values, now)
         return self._reading
 
@@ -140,6 +182,8 @@ class SimulatedForceTorque(SimulatedSensor, IAnalogSensor, IMultipleAnalogSensor
             )
         with self.simulation.lock:
             zero = self.sensor.read(self.simulation.data.sensordata) - (value or 0.0)
+            if self._drift is not None:
+                zero += self._drift.at(self.simulation.now)
             if channel is None:
                 self._zero = zero
             else:
@@ -191,7 +235,9 @@ class SimulatedImu(SimulatedSensor, IMultipleAnalogSensors, IMeasurementsSource)
 
     def __init__(self, imu: ImuSensor, simulation: Simulation) -> None:
         self.imu = imu
-        super().__init__(imu.name, simulation, _IMU_DEVIATION)
+        settings = imu.settings
+        accuracies = [settings.gyroscope, settings.accelerometer, settings.magnetometer, settings.orientation]
+        super().__init__(imu.name, simulation, accuracies)
         found: FloatArray = simulation.data.sensordata
         self._vectors = found[imu.gyroscope.start : imu.magnetometer.stop]  # of all but the orientation
         self._quaternion = found[imu.orientation]
@@ -199,7 +245,7 @@ class SimulatedImu(SimulatedSensor, IMultipleAnalogSensors, IMeasurementsSource)
         self._readings: Measurements = []
 
     def sensors(self, category: SensorCategory) -> Sequence[SensorInfo]:
-        return self._info if category in _IMU_NOISE else ()
+        return self._info if category in _IMU else ()
 
     def sensor_status(self, category: SensorCategory, index: int) -> SensorStatus:
         self._check(category, index)
@@ -221,18 +267,21 @@ class SimulatedImu(SimulatedSensor, IMultipleAnalogSensors, IMeasurementsSource)
         if self._measured_at == boards.tick:
             return
         self._measured_at = boards.tick
-        values = np.empty(_IMU_DEVIATION.size)
+        values = np.empty(self._deviation.size)
         np.multiply(self._vectors, _IMU_SCALES, values[: _IMU_SCALES.size])
         values[-3], values[-2], values[-1] = roll_pitch_yaw(self._quaternion)
         values += self._next_noise()
         now = boards.now
+        if self._drift is not None:
+            values += self._drift.at(now)
         for fault in self.faults:
             for category, place in _IMU_PLACES:
                 fault(self.name, category, values[place], now)
+        self._count(values)
         self._readings = [[SensorReading(values[place], now)] for _, place in _IMU_PLACES] + _OTHERS
 
     def _check(self, category: SensorCategory, index: int) -> None:
-        if category not in _IMU_NOISE or index != 0:
+        if category not in _IMU or index != 0:
             raise RefusedError(f"{self.name}: there is no {SensorCategory(category).name} {index}")
 
 
@@ -240,7 +289,7 @@ _DEGREES = 180.0 / math.pi
 #: Factors from the engine's units to those of gyroscope, accelerometer and magnetometer.
 _IMU_SCALES = np.repeat([_DEGREES, 1.0, 1.0], 3)
 #: The categories without sensors.
-_OTHERS: Measurements = [[]] * (_CATEGORIES - len(_IMU_NOISE))
+_OTHERS: Measurements = [[]] * (_CATEGORIES - len(_IMU))
 
 
 def roll_pitch_yaw(quaternion: FloatArray) -> tuple[float, float, float]:

@@ -18,6 +18,7 @@ from rtf.robot.errors import NotSupportedError
 from rtf.robot.interfaces import IAnalogSensor, SensorCategory, SensorReading
 from rtf.robot.model.engine import mujoco
 from rtf.robot.model.errors import RobotModelError
+from rtf.robot.model.file import Accuracy
 from rtf.simulator.simulated_sensors import SimulatedSensor
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ class SimulatedSkin(SimulatedSensor, IAnalogSensor):
     def __init__(self, name: str, settings: SkinPatch, simulation: Simulation) -> None:
         self.settings = settings
         self._random = self._new_random(name, simulation)
-        super().__init__(name, simulation, np.full(TAXELS * settings.triangles, settings.noise))
+        super().__init__(name, simulation, [Accuracy(noise=settings.noise)], each=TAXELS * settings.triangles)
         model = simulation.plant.model
         self._shape = _covered(name, settings, model)
         self.places: FloatArray = np.empty((0, 3))  # (taxels, 3), m, in the frame of the shape

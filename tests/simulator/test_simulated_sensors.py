@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 import pytest
 
 from icub import ICUB
 from rtf.robot.errors import DeviceError, RefusedError
 from rtf.robot.interfaces import SensorCategory, SensorStatus
+from rtf.robot.model.file import Accuracy
 from rtf.robot.sensors.measurements import DeviceMeasurements
 from rtf.simulator.angle_sensors import SimulatedAngles
 
@@ -90,9 +93,30 @@ def test_what_was_made_zero_is_taken_off_at_once(rig: Rig):
         found.append(sensor.read().values)
     assert np.mean(found, axis=0) == pytest.approx(np.zeros(6), abs=0.02)
     assert np.std(found, axis=0)[:3] == pytest.approx(
-        np.full(3, ICUB.sensors.force_torque["l_arm_ft_sensor"].force_noise), rel=0.15
+        np.full(3, ICUB.sensors.force_torque["l_arm_ft_sensor"].force.noise), rel=0.15
     )
-    assert len({one.tobytes() for one in found}) == MANY, "noise comes again"
+    assert len({one.tobytes() for one in found}) > MANY // 2, "noise comes again"
+
+
+def test_drift_and_whole_counts(rig: Rig):
+    """The bias is a random walk that does not depend on how often it is read; every reading is a whole count."""
+    from rtf.simulator.simulated_sensors import SimulatedForceTorque
+
+    (sensor, *_) = rig.simulation.plant.ft_sensors
+    settings = msgspec.structs.replace(
+        sensor.settings, force=Accuracy(drift=2.0, count=0.5), torque=Accuracy(noise=0.002)
+    )
+    often, seldom = (SimulatedForceTorque(replace(sensor, settings=settings), rig.simulation) for _ in range(2))
+    walk = []
+    for second in range(241):
+        rig.boards.tick = 1000 * second  # time passes for the sensors only
+        walk.append(often.read().values)
+    assert seldom.read().values[:3].tolist() == often.read().values[:3].tolist()
+    forces, torques = np.array(walk)[:, :3], np.array(walk)[:, 3:]
+    assert np.array_equal(forces, np.rint(forces / 0.5) * 0.5)
+    assert np.std(np.diff(forces[::30], axis=0)) == pytest.approx(2.0 * np.sqrt(0.5), rel=0.5)
+    assert np.ptp(torques, axis=0).max() < 0.02
+    assert len(np.unique(torques)) > 600
 
 
 #: Channels of a hand, and counts of an open joint and of one that is bent by 45 deg.

@@ -102,6 +102,14 @@ class Body(Table, frozen=True):
     root: str = ""  # a fixed link that takes part in this
 
 
+class Accuracy(Table, frozen=True):
+    """How the numbers of a sensor differ from what it measures, in its unit; for the simulation."""
+
+    noise: NotNegative = 0.0  # standard deviation, white
+    drift: NotNegative = 0.0  # standard deviation of the bias after a minute; it grows with the root of the time
+    count: NotNegative = 0.0  # the step between two numbers; 0: there is none
+
+
 class ForceTorque(Table, frozen=True):
     """A force-torque sensor at the joint of a link, in the link's frame."""
 
@@ -110,8 +118,8 @@ class ForceTorque(Table, frozen=True):
     weight: NotNegative | None = None  # N, of the limb beyond it; with it, the guard watches the part for contacts
     lever: NotNegative = 0.3  # m, about the greatest distance of that weight from a joint
     parts: list[str] = []  # whose joints decide the direction of its load, from the upright root outwards
-    force_noise: NotNegative = 0.05  # N, standard deviation
-    torque_noise: NotNegative = 0.002  # Nm
+    force: Accuracy = Accuracy(noise=0.05)  # N
+    torque: Accuracy = Accuracy(noise=0.002)  # Nm
 
 
 class Inertial(Table, frozen=True):
@@ -121,6 +129,10 @@ class Inertial(Table, frozen=True):
     port: Text = "inertial"
     position: Vector = (0.0, 0.0, 0.0)  # m, in the frame of the link
     rotation: Vector = (0.0, 0.0, 0.0)  # rad: roll, pitch, yaw about fixed axes
+    gyroscope: Accuracy = Accuracy(noise=0.05)  # deg/s
+    accelerometer: Accuracy = Accuracy(noise=0.02)  # m/s²
+    magnetometer: Accuracy = Accuracy(noise=1e-7)  # T
+    orientation: Accuracy = Accuracy(noise=0.02)  # deg
 
 
 class CameraTable(Table, frozen=True):
