@@ -102,7 +102,7 @@ def test_a_joint_that_is_stuck_fails_by_its_name(outcome, measured):
     """What the unit feels of the others is judged all the same."""
     assert failed_parts(outcome, "stuck") == ["neck_yaw"]
     assert "neck_yaw (/icubSim/head joint 2) draws" in said(outcome, "stuck")
-    assert "it was released; likely: a broken motor cable" in said(outcome, "stuck")
+    assert "the motor of neck_yaw does not turn at a duty cycle of +100 %; likely: a broken" in said(outcome, "stuck")
     assert not measured(outcome, "stuck", "motion of neck_yaw")
     assert measured(outcome, "stuck", "turn of its mounting")[0].value < 0.5
 

@@ -42,6 +42,7 @@ _CAUSES: dict[str, tuple[str, ...]] = {
         "a mechanical block",
         "an amplifier that is off or dead",
         "a wrong zero or scale of the encoder, so that the joint is at its stop",
+        "two wires of the motor exchanged, so that it has driven the joint to its stop",
     ),
     "does not start": ("a lost command", "a board that acknowledges the command and does not execute it"),
     "weak": ("a weak motor or a low supply voltage", "more friction than usual", "gains that are too small"),
