@@ -103,9 +103,10 @@ def limits_of(claims: Claims) -> Iterator[Case]:
     for claim in claims.claims:
         kind = find_kind(claim.fault)
         severities = {kind.severity(values): values for values in claim.severities}
-        if claim.kind != "finds" or None in severities:
+        graded = [severity for severity in severities if severity]
+        if claim.kind != "finds" or None in severities or not graded:
             continue
-        smallest = min(filter(None, severities), key=abs)
+        smallest = min(graded, key=abs)
         first = kind.parameters[0]
         for share in _SMALLER:
             value = float(severities[smallest].get(first.name, first.default)) - (1.0 - share) * smallest

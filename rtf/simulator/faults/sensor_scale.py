@@ -25,7 +25,7 @@ class ForceTorqueGain(ForceTorqueFault):
     kind = "ft_gain"
     description = "The force-torque sensor has a wrong scale: the calibration of another one, or a wrong full scale."
     symptom = "Its forces and torques are too small, or too large, in proportion."
-    parameters = (Parameter("factor", 0.7, "", "by which all six are multiplied", 0.0, 10.0),)
+    parameters = (Parameter("factor", 0.7, "", "by which all six are multiplied", 0.0, 10.0, healthy=1.0),)
     factor: float
 
     def show(self, name: str, category: SensorCategory, values: FloatArray, now: float) -> None:
@@ -40,7 +40,7 @@ class ForceTorqueAxes(ForceTorqueFault):
     description = "Two axes of the force-torque sensor are exchanged: a wrong calibration matrix, or it is turned."
     symptom = "A load along one of the axes shows along the other."
     parameters = (
-        Parameter("first", 0.0, "", "an axis: 0 for x, 1 for y, 2 for z", 0.0, 2.0),
+        Parameter("first", 0.0, "", "an axis: 0 for x, 1 for y, 2 for z", 0.0, 2.0, healthy=None),
         Parameter("second", 1.0, "", "the other one", 0.0, 2.0),
     )
     first: float
@@ -72,7 +72,7 @@ class GyroscopeGain(_ImuGain):
     category = SensorCategory.GYROSCOPE
     description = "The gyroscope of the inertial unit has a wrong scale: it was set to another range."
     symptom = "Its angular velocities are too small, or too large, in proportion."
-    parameters = (Parameter("factor", 0.5, "", "by which they are multiplied", 0.0, 10.0),)
+    parameters = (Parameter("factor", 0.5, "", "by which they are multiplied", 0.0, 10.0, healthy=1.0),)
 
 
 class AccelerometerGain(_ImuGain):
@@ -82,7 +82,7 @@ class AccelerometerGain(_ImuGain):
     category = SensorCategory.ACCELEROMETER
     description = "The accelerometer of the inertial unit has a wrong scale: it was set to another range."
     symptom = "At rest it does not measure 9.81 m/s2."
-    parameters = (Parameter("factor", 0.5, "", "by which they are multiplied", 0.0, 10.0),)
+    parameters = (Parameter("factor", 0.5, "", "by which they are multiplied", 0.0, 10.0, healthy=1.0),)
 
 
 class GyroscopeAxes(ImuFault):
@@ -92,7 +92,7 @@ class GyroscopeAxes(ImuFault):
     description = "Two axes of the gyroscope are exchanged, those of the other sensors of the unit are not."
     symptom = "A rotation about one of the axes shows about the other."
     parameters = (
-        Parameter("first", 0.0, "", "an axis: 0 for x, 1 for y, 2 for z", 0.0, 2.0),
+        Parameter("first", 0.0, "", "an axis: 0 for x, 1 for y, 2 for z", 0.0, 2.0, healthy=None),
         Parameter("second", 1.0, "", "the other one", 0.0, 2.0),
     )
     first: float
@@ -134,7 +134,9 @@ class CameraZoom(CameraFault):
     kind = "camera_zoom"
     description = "The camera has another lens, or another resolution, than its configuration says."
     symptom = "Its pictures move farther, or less far, than its field of view says."
-    parameters = (Parameter("factor", 1.3, "", "the focal length, as a multiple of the reported one", 1.0, 4.0),)
+    parameters = (
+        Parameter("factor", 1.3, "", "the focal length, as a multiple of the reported one", 1.0, 4.0, healthy=1.0),
+    )
     factor: float
 
     def show(self, pixels: NDArray[np.uint8], now: float) -> NDArray[np.uint8]:
