@@ -219,7 +219,8 @@ def test_a_joint_that_runs_away_by_what_should_hold_it_fails(tmp_path):
     detail = outcome.detail("runaway")
     busy = "this machine is too busy" in detail
     assert outcome.verdict("runaway") is (Verdict.INCONCLUSIVE if busy else Verdict.FAILED)
-    assert "joint0 moved by 15.0 deg at torques within 0.1 Nm of its holding torque" in detail
+    moved = "joint0 moved by 15.0 deg at torques within 0.1 Nm of its holding torque"
+    assert any(moved in event.detail for event in outcome.of(Message))
     assert [what for _, what, _ in told if isinstance(what, ControlMode)][-1] is ControlMode.POSITION
 
 
