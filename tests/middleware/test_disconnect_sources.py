@@ -47,7 +47,8 @@ class TestSources:
         with BufferedPort("/reader", network=network) as reader:
             for writer in writers:
                 writer.add_output("/reader", carrier)
-            eventually(lambda: len(reader.inputs) == 10, "the writers have not come")
+            # A writer also asks for the dialect, by a connection of its own that may last a little longer.
+            eventually(lambda: [one.carrier for one in reader.inputs].count(carrier) == 10, "the writers have not come")
         listed = [remote.administer(network, writer.contact, Bottle([Vocab("list")])) for writer in writers]
         assert listed == [Bottle()] * 10
         for writer in writers:
