@@ -6,9 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rtf.robot.errors import RobotError
 from rtf.robot_testing import Safety, likely_causes
-from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.joints_test import JointsTest
 from rtf.robot_testing.judging.encoder_errors import Spikes, errors_of, spikes_of
 from rtf.robot_testing.judging.friction_profile import friction_profile
@@ -20,6 +18,7 @@ from rtf.testing import Parameter
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Trace
+    from rtf.robot_testing.guard.transmission import Transmission
     from rtf.robot_testing.judging.encoder_errors import Mask
     from rtf.robot_testing.judging.friction_profile import FrictionProfile
     from rtf.robot_testing.motion.routines import Routine
@@ -70,10 +69,7 @@ class JointSweep(JointsTest):
         """Read the transmission of the part, choose the ends of the sweeps, and hold the joints."""
         super().setup()
         part = self.robot_part
-        try:
-            self.transmission = Transmission.read(part.board)
-        except RobotError as error:
-            self.assert_error(f"{part.name}: {error}")
+        self.transmission = self.read_transmission()
         self.transmission.warn_if_unknown(self, part.name)
         self.slow_speeds = self.by_joint("speed", self.speed)
         self.fast_speeds = self.by_joint("fast", self.fast)

@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rtf.robot.errors import RobotError
 from rtf.robot_testing import Safety, likely_causes
-from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.joints_test import JointsTest
 from rtf.robot_testing.judging.blame import Evidence, blame, settle
 from rtf.robot_testing.judging.encoder_agreement import Motion, Tolerance, encoder_evidence
@@ -130,10 +128,7 @@ class OpticalEncodersConsistency(JointsTest):
         part = self.robot_part
         wrong = self._wrong_matrix(len(self.chosen))
         self.assert_error_if_true(wrong, "; ".join(wrong))
-        try:
-            self.transmission = Transmission.read(part.board)
-        except RobotError as error:
-            self.assert_error(f"{part.name}: {error}")
+        self.transmission = self.read_transmission()
         self.speeds = self.per_joint("speed", self.speed, self.chosen)
         widths = self.per_joint("swing", self.swing, self.chosen)
         lows = self.per_joint("min", self.low, self.chosen) if self.low else None

@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rtf.robot.errors import RobotError
 from rtf.robot_testing import Safety, fit_line, likely_causes
 from rtf.robot_testing.guard.limits import GuardError
-from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.joints_test import JointsTest
 from rtf.robot_testing.judging.blame import settle
 from rtf.robot_testing.motion.joint_swings import JointSwinger, Outcome, ends_of
@@ -73,10 +71,7 @@ class OpticalEncodersDrift(JointsTest):
         """Read the transmission of the part, choose the ends of the swings, and hold the joints."""
         super().setup()
         part = self.robot_part
-        try:
-            self.transmission = Transmission.read(part.board)
-        except RobotError as error:
-            self.assert_error(f"{part.name}: {error}")
+        self.transmission = self.read_transmission()
         self.speeds = self.per_joint("speed", self.speed, self.chosen)
         widths = self.per_joint("swing", self.swing, self.chosen)
         widths = [width * (_LESS if place % 2 else 1.0) for place, width in enumerate(widths)]

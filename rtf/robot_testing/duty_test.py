@@ -8,10 +8,8 @@ import numpy as np
 
 from rtf.errors import RtfError
 from rtf.robot.control_modes import ControlMode
-from rtf.robot.errors import RobotError
 from rtf.robot_testing.guard.limits import GuardError, Limits
 from rtf.robot_testing.guard.safety import Safety
-from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.joints_test import HOMING, JointsTest
 from rtf.robot_testing.judging.failure_causes import likely_causes
 from rtf.robot_testing.motion.duty_ramp import BASELINE, LEAST_CREEP, LIMIT_MARGIN, Ramp, away_from_limits, limp
@@ -20,6 +18,7 @@ from rtf.robot_testing.motion.part import PACE
 from rtf.robot_testing.motion.routines import run_queues
 
 if TYPE_CHECKING:
+    from rtf.robot_testing.guard.transmission import Transmission
     from rtf.robot_testing.motion.duty_ramp import LimpMotor
     from rtf.robot_testing.motion.routines import Routine
 
@@ -71,10 +70,7 @@ class DutyTest(JointsTest):
         """Hold the part, and read its transmission."""
         super().setup()
         part = self.robot_part
-        try:
-            self.transmission = Transmission.read(part.board)
-        except RobotError as error:
-            self.assert_error(f"{part.name}: {error}")
+        self.transmission = self.read_transmission()
         self.transmission.warn_if_unknown(self, part.name)
         with self.guarded():
             self.hold()

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rtf.robot.control_modes import ControlMode
+from rtf.robot.errors import RobotError
 from rtf.robot_testing.guard.limits import GuardError
+from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.judging.blame import Evidence, accused
 from rtf.robot_testing.motion.part import TOLERANCE
 from rtf.robot_testing.motion.start_position import hold, late_evidence, late_held_joints
@@ -51,6 +53,13 @@ class JointsTest(RobotTest):
         self.chosen = self.select(part, self.wanted_joints())
         if self.home:
             part.home[self.chosen] = self.per_joint("home", self.home, self.chosen)
+
+    def read_transmission(self) -> Transmission:
+        """Return the gearboxes and couplings of the part. The test ends with an error if they cannot be used."""
+        try:
+            return Transmission.read(self.robot_part.board)
+        except RobotError as error:
+            self.assert_error(f"{self.robot_part.name}: {error}")
 
     def wanted_joints(self) -> Sequence[int]:
         """Return the numbers of the joints to be tested; none: all."""

@@ -18,6 +18,12 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.simulator.simulated_cameras import SimulatedCamera
 
+#: The axes that are exchanged.
+_TWO_AXES = (
+    Parameter("first", 0.0, "", "an axis: 0 for x, 1 for y, 2 for z", 0.0, 2.0, healthy=None),
+    Parameter("second", 1.0, "", "the other one", 0.0, 2.0),
+)
+
 
 class ForceTorqueGain(ForceTorqueFault):
     """Wrong scale of a force-torque sensor."""
@@ -39,10 +45,7 @@ class ForceTorqueAxes(ForceTorqueFault):
     kind = "ft_axes"
     description = "Two axes of the force-torque sensor are exchanged: a wrong calibration matrix, or it is turned."
     symptom = "A load along one of the axes shows along the other."
-    parameters = (
-        Parameter("first", 0.0, "", "an axis: 0 for x, 1 for y, 2 for z", 0.0, 2.0, healthy=None),
-        Parameter("second", 1.0, "", "the other one", 0.0, 2.0),
-    )
+    parameters = _TWO_AXES
     first: float
     second: float
 
@@ -91,10 +94,7 @@ class GyroscopeAxes(ImuFault):
     kind = "gyroscope_axes"
     description = "Two axes of the gyroscope are exchanged, those of the other sensors of the unit are not."
     symptom = "A rotation about one of the axes shows about the other."
-    parameters = (
-        Parameter("first", 0.0, "", "an axis: 0 for x, 1 for y, 2 for z", 0.0, 2.0, healthy=None),
-        Parameter("second", 1.0, "", "the other one", 0.0, 2.0),
-    )
+    parameters = _TWO_AXES
     first: float
     second: float
 
