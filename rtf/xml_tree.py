@@ -18,6 +18,7 @@ from rtf.errors import Location, RtfError
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+COMMENT = "!--"
 MAX_BYTES = 16 * 1024 * 1024
 MAX_DEPTH = 64
 MAX_ELEMENTS = 400_000
@@ -92,15 +93,24 @@ class Document:
 
 
 def parse(
-    data: bytes, file: str, warn: Callable[[str, Location, str], None] | None = None, *, declarations: bool = False
+    data: bytes,
+    file: str,
+    warn: Callable[[str, Location, str], None] | None = None,
+    *,
+    declarations: bool = False,
+    comments: bool = False,
 ) -> Document:
     """Read a file's bytes into a tree. Raises XmlError; ``warn`` is given what other programs would reject.
 
     With ``declarations`` a document type may have some; they are not heeded, and entities are refused all the same.
+    With ``comments`` those inside the root are children, too, with the tag :data:`COMMENT` and their text.
     """
     document = Document()
     text = _without_oddities(_decoded(data, file), file, document, warn)
-    _Builder(text.encode(), file, document, declarations=declarations).run()
+    builder = _Builder(text.encode(), file, document, declarations=declarations)
+    if comments:
+        builder.keep_comments()
+    builder.run()
     return document
 
 
@@ -184,6 +194,9 @@ class _Builder:
         parser.EntityDeclHandler = self._entity
         parser.SkippedEntityHandler = self._skipped
 
+    def keep_comments(self) -> None:
+        self._parser.CommentHandler = self._comment
+
     def run(self) -> None:
         try:
             self._parser.Parse(self._data, True)
@@ -227,6 +240,12 @@ class _Builder:
 
     def _end(self, _tag: str) -> None:
         self._stack.pop()
+
+    def _comment(self, text: str) -> None:
+        if self._stack:
+            self._start(COMMENT, {})
+            self._text(text)
+            self._end(COMMENT)
 
     def _text(self, text: str) -> None:
         self._stack[-1].pieces.append(text)
