@@ -6,14 +6,12 @@ from typing import TYPE_CHECKING
 
 from rtf.bottle import Bottle, Property
 from rtf.clock import SystemClock
-from rtf.errors import RtfError
 from rtf.middleware.ports import remote
 from rtf.middleware.ports.network import default_network
 from rtf.middleware.ports.port import Port
 from rtf.middleware.wire.contact import Contact
-from rtf.robot.devices.fake_sensors import FakeAnalogSensor
 from rtf.robot.errors import DeviceError
-from rtf.robot.sensors.analog import AnalogDevice
+from rtf.robot.sensors.skin_wrapper import SkinWrapper
 from rtf.robot_testing.judging.failure_causes import likely_causes
 from rtf.robot_testing.streams.port_recorder import Listener
 from rtf.testing import Parameter, TestCase
@@ -83,16 +81,10 @@ class SkinWrapperTest(TestCase):
                 self._check_refused(configuration, port, "though it is in use")
                 self.check(self._there(port), f"{port} still belongs to its first owner")
 
-    def _open(self, configuration: Mapping[str, object]) -> AnalogDevice:
-        skin = FakeAnalogSensor("skin", network=self.network)
-        skin.open(Property({"channels": self.taxels}))
-        wrapper = AnalogDevice("wrapper", network=self.network)
-        try:
-            wrapper.open(Property({**configuration, "period": self.period}))
-            wrapper.attach({"skin": skin})
-        except RtfError:
-            wrapper.close()
-            raise
+    def _open(self, configuration: Mapping[str, object]) -> SkinWrapper:
+        wrapper = SkinWrapper("wrapper", network=self.network)
+        skin = {"subdevice": "fakeAnalogSensor", "total_taxels": self.taxels}
+        wrapper.open(Property({**configuration, **skin, "period": self.period}))
         return wrapper
 
     def _check_refused(self, configuration: Mapping[str, object], port: str, when: str) -> None:

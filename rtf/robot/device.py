@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, TypeVar
 
 from rtf.bottle import Property
+from rtf.errors import did_you_mean
 from rtf.robot.errors import ConfigurationError, DeviceError, NotSupportedError
 from rtf.testing.plugins import PluginNotFoundError, PluginRef, find, installed, load_class
 
@@ -43,6 +44,7 @@ SHIPPED: Mapping[str, str] = {
     "multipleanalogsensorsremapper": "rtf.robot.devices.analog_sensors_remapper:AnalogSensorsRemapper",
     "analogServer": "rtf.robot.sensors.analog:AnalogDevice",
     "analogsensorclient": "rtf.robot.sensors.analog:AnalogClient",
+    "skinWrapper": "rtf.robot.sensors.skin_wrapper:SkinWrapper",
     "inertial": "rtf.robot.sensors.inertial:InertialDevice",
     "frameGrabber_nws_yarp": "rtf.robot.sensors.camera:FrameGrabberDevice",
     "frameGrabber_nwc_yarp": "rtf.robot.sensors.camera:FrameGrabberClient",
@@ -182,8 +184,8 @@ def find_device(kind: str, beside: Path | None = None) -> type[Device]:
     try:
         ref = PluginRef("device", kind, places[kind], "entry point") if kind in places else _in_a_file(kind, beside)
     except PluginNotFoundError as error:
-        known = ", ".join(sorted(places))
-        raise ConfigurationError(f"there is no device type {kind!r}; the known types are {known}") from error
+        hint = did_you_mean(kind, places) or f"; the known types are {', '.join(sorted(places))}"
+        raise ConfigurationError(f"there is no device type {kind!r}{hint}") from error
     try:
         return load_class(ref, DeviceProvider).device_type()  # type: ignore[type-abstract]
     except Exception as error:

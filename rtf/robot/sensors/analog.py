@@ -28,7 +28,8 @@ _IANALOG, _ALL, _CHANNEL = Vocab("iana"), Vocab("cal"), Vocab("calc")
 #: The answers to a calibration request.
 _DONE, _ERROR = 0, 1
 _RANGE = 4  # numbers of a channel range
-_MAX_CHANNELS = 100_000
+#: The most channels of a server.
+MAX_CHANNELS = 100_000
 
 
 # The server -----------------------------------------------------------------------------------------------------------
@@ -135,7 +136,7 @@ class AnalogDevice(PublishingDevice):
         group = configuration.find_group(word) or Bottle([word])
         inner = group.get(1)
         numbers = inner if isinstance(inner, Bottle) else group.tail()
-        sound = len(numbers) == _RANGE and all(isinstance(one, int) and 0 <= one < _MAX_CHANNELS for one in numbers)
+        sound = len(numbers) == _RANGE and all(isinstance(one, int) and 0 <= one < MAX_CHANNELS for one in numbers)
         at, last_at, first, last = map(as_int, numbers) if sound else (0, 0, 0, -1)
         if not sound or last < first or last_at - at != last - first:
             raise parameters.wrong(
