@@ -130,6 +130,20 @@ _ROBOT = (
     Command("new", "FILE.urdf|.xml", "a draft for a new robot", "rtf.cli.robot:new_robot"),
     Command("test", "ROBOT", "the suites for any robot, on a simulated one", "rtf.cli.robot:test_robot"),
 )
+_APP = tuple(
+    Command(name, "FILE", summary, f"rtf.cli.app:{function}", on_network=on_network)
+    for name, summary, function, on_network in (
+        ("check", "what is wrong in it; nothing is started", "check", True),
+        ("show", "what would be run", "show", False),
+        ("run", "start it, connect its ports, watch, and stop it", "run", False),
+        ("stop", "stop its modules in reverse", "stop", True),
+        ("kill", "kill its modules", "kill", True),
+        ("connect", "make its connections", "connect", True),
+        ("disconnect", "end its connections", "disconnect", True),
+        ("status", "how its modules and connections are", "status", True),
+        ("list", "the applications of files and folders", "list_applications", False),
+    )
+)
 #: Runs suites; with --server or --on programs on other machines, as YARP's command of this name does.
 _RUN = "rtf.cli.run_node:run"
 RTF = Command(
@@ -143,6 +157,7 @@ RTF = Command(
         Command("proof", "", "run robot tests on the faults they should find", "rtf.cli.proof:proof", group=_TESTS),
         Command("demo", "", "run the demonstration and check every verdict", "rtf.cli.demo:demo", group=_TESTS),
         *_NETWORK,
+        Command("app", "COMMAND", "applications: check, run, stop, status …", commands=_APP, group="network"),
         Command(
             "robotinterface",
             "--config FILE",

@@ -10,9 +10,9 @@ of old suites may so be a Python file that has its name, with ``.lua``, as an al
 4. the folders that ship with RTF,
 5. entry points of installed packages, in the group of the kind (:data:`GROUPS`).
 
-The file is loaded, in the process that needs it, as ``rtf_plugins.<kind>.<stem>``. Reporters, kinds of faults and
-devices of robots are found and loaded in the same way. Languages, the types of tests whose files they load, are entry
-points alone.
+The file is loaded, in the process that needs it, as ``rtf_plugins.<kind>.<stem>``. Reporters, kinds of faults, devices
+of robots and deployers of applications are found and loaded in the same way. Languages, the types of tests whose files
+they load, are entry points alone.
 """
 
 from __future__ import annotations
@@ -40,7 +40,14 @@ if TYPE_CHECKING:
 P = TypeVar("P", bound=object)
 
 #: The folder of each kind of plug-in, and its group of entry points.
-FOLDERS = {"test": "icub_tests", "fixture": "fixtures", "report": "reports", "fault": "faults", "device": "devices"}
+FOLDERS = {
+    "test": "icub_tests",
+    "fixture": "fixtures",
+    "report": "reports",
+    "fault": "faults",
+    "device": "devices",
+    "deployer": "deployers",
+}
 GROUPS = {
     "test": "rtf.tests",
     "fixture": "rtf.fixtures",
@@ -48,6 +55,7 @@ GROUPS = {
     "fault": "rtf.faults",
     "language": "rtf.languages",
     "device": "rtf.devices",
+    "deployer": "rtf.deployers",
 }
 
 #: The modules of all plug-ins begin with it.

@@ -100,7 +100,10 @@ class Child:
 
 
 class Children:
-    """Starts, lists, signals and ends children. ``said`` gets a sentence for each that ends; any thread."""
+    """Starts, lists, signals and ends children. ``said`` gets a sentence for each that ends; any thread.
+
+    ``ended`` gets a child that has ended, while it is still listed.
+    """
 
     def __init__(
         self,
@@ -109,11 +112,13 @@ class Children:
         most: int,
         said: Callable[[str], None],
         changed: Callable[[Iterable[Child]], None] = lambda _: None,
+        ended: Callable[[Child], None] = lambda _: None,
     ) -> None:
         self._token = token
         self._most = most
         self._said = said
         self._held_changed = changed
+        self._note_ended = ended
         self._lock = threading.RLock()
         self._children: dict[int, Child] = {}  # by number
         self._without_leader: list[Child] = []  # changed by the thread alone
@@ -344,6 +349,7 @@ class Children:
                 break
         if child.pipe >= 0:
             self._selector.unregister(child.pipe)
+        self._note_ended(child)
         with self._lock:
             self._children.pop(child.number, None)
             if child.process is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from rtf.applications.run.errors import NodeError
-from rtf.applications.run.protocol import Ask, Kill, Running, Start, StartReply
+from rtf.applications.run.protocol import Ask, Ending, Kill, Running, Start, StartReply
 from rtf.applications.run.sysinfo import SystemInfo
 from rtf.bottle import as_string, to_string
 from rtf.middleware.errors import MiddlewareError, NameNotFoundError
@@ -58,6 +58,10 @@ class RunClient:
     def is_running(self, tag: str) -> bool:
         """Return whether a program of this tag runs."""
         return self._text(Ask("isrunning", tag)) == "running"
+
+    def ending(self, tag: str) -> Ending | None:
+        """Return how the last program of a tag has ended. Only RTF's nodes answer; YARP's raise NodeError."""
+        return Ending.read(self.ask(Ask("ended", tag)))
 
     def close_terminal(self, tag: str) -> None:
         """Ask the node to close the terminal that it has opened for a program."""

@@ -121,7 +121,9 @@ _READERS: dict[str, Callable[[Bottle, str], Request]] = {
     "stdio": _read_start,
     "cmd": _read_start,
     "kill": _read_kill,
-    **dict.fromkeys(("sigterm", "sigtermall", "ps", "isrunning", "killstdio", "sysinfo", "which", "exit"), _read_ask),
+    **dict.fromkeys(
+        ("sigterm", "sigtermall", "ps", "isrunning", "killstdio", "sysinfo", "which", "exit", "ended"), _read_ask
+    ),
 }
 
 
@@ -217,3 +219,26 @@ class Running:
             raise NodeError(f"a node lists a program as (pid …) (tag …) …, but this one as {row!r}")
         pid = as_int(row.find("pid"))
         return cls(pid, _text(row, "tag"), _text(row, "status"), _text(row, "cmd"), _text(row, "env"))
+
+
+@dataclass(frozen=True, slots=True)
+class Ending:
+    """How the last program of a tag ended, such as ``exit status 3``, with its last lines. A request of RTF's nodes."""
+
+    pid: int
+    how: str
+    lines: tuple[str, ...] = ()
+
+    @property
+    def good(self) -> bool:
+        """Whether the program says that all went well."""
+        return self.how == "exit status 0"
+
+    def to_bottle(self) -> Bottle:
+        """Return the reply as it is sent."""
+        return Bottle([self.pid, self.how, *self.lines])
+
+    @classmethod
+    def read(cls, reply: Bottle) -> Ending | None:
+        """Read a reply; None if the node knows of no such program."""
+        return cls(as_int(reply.get(0)), as_string(reply.get(1)), tuple(map(as_string, reply[2:]))) if reply else None

@@ -2,7 +2,7 @@
 
 It answers as ``yarprun`` 3.12.3 does, with these differences: a program that cannot be started is always told of; a
 message that asks for nothing ends the connection instead of leaving the client waiting; signals reach all processes of
-a program; and ``sysinfo`` has the machine's figures only.
+a program; ``sysinfo`` has the machine's figures only; and ``ended`` says how a program has ended.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from rtf.applications.run.output import LineSender
 from rtf.applications.run.programs import make_launch, make_window
 from rtf.applications.run.protocol import (
     Ask,
+    Ending,
     Kill,
     Running,
     Start,
@@ -54,6 +55,8 @@ MAX_REQUEST = 1 << 17
 #: Programs that may run at a time, and seconds from SIGTERM to SIGKILL when the node ends.
 MOST, GRACE = 256, 5.0
 _SIGNALS = range(1, signal.NSIG)
+#: The programs whose ends are remembered, and the last lines of each.
+_ENDINGS, _LAST = 256, 20
 #: Seconds in which whoever asked the node to end reads the answer.
 _FAREWELL = 1.0
 #: Seconds in which the last lines of programs are sent when the node has ended.
@@ -129,19 +132,22 @@ class RunServer:
             "sysinfo": self._sysinfo,
             "which": self._which,
             "exit": self._exit,
+            "ended": self._ended,
         }
+        self._endings: dict[str, Ending] = {}
         token = record.token if record else f"{os.getpid()}.{id(self):x}"
         self._children = Children(
             token,
             most=most,
             said=self._say,
             changed=self._write_record,
+            ended=self._note_ending,
         )
         #: The terminals that were opened for programs, and those that stay open when their program has ended.
         self._windows = Children(f"{token}-w", most=most, said=self._say)
         self._held_windows: set[int] = set()
         try:
-            self._port = _NodePort(name, self._answer, network, self._access)
+            self._port = _NodePort(name, self.answer, network, self._access)
             try:
                 self._check_address()
                 network.names.set_property(self.name, "yarprun", ["true"])
@@ -219,7 +225,8 @@ class RunServer:
 
     # Answers, in the thread of each connection -----------------------------------------------------------------------
 
-    def _answer(self, message: Bottle) -> object:
+    def answer(self, message: Bottle) -> object:
+        """Return the answer to a request, which is encoded as a message. Raises RequestError."""
         request = read_request(message)
         self._ready.wait()  # nobody is told that a held program does not run before it is found
         if isinstance(request, Start):
@@ -251,6 +258,18 @@ class RunServer:
 
     def _which(self, request: Ask) -> Record:
         return Record(shutil.which(request.about) or request.about)
+
+    def _note_ending(self, child: Child) -> None:
+        with self._lock:
+            self._endings.pop(child.launch.tag, None)
+            self._endings[child.launch.tag] = Ending(child.pid, child.how, (*child.tail.lines(_LAST),))
+            if len(self._endings) > _ENDINGS:
+                del self._endings[next(iter(self._endings))]
+
+    def _ended(self, request: Ask) -> Bottle:
+        with self._lock:
+            found = self._endings.get(request.about)
+        return Bottle() if found is None else found.to_bottle()
 
     def _exit(self, _request: Ask) -> Bottle:
         self._say(f"{self._port.asker} ends this node")

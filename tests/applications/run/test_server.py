@@ -17,7 +17,7 @@ from rtf.applications.run.access import RunAccess
 from rtf.applications.run.client import RunClient
 from rtf.applications.run.errors import NodeError, RunError
 from rtf.applications.run.output import WAITING
-from rtf.applications.run.protocol import Ask, Start
+from rtf.applications.run.protocol import Ask, Ending, Start
 from rtf.applications.run.server import MAX_REQUEST, RunServer
 from rtf.bottle import Bottle
 from rtf.errors import RtfError
@@ -86,6 +86,13 @@ class TestPrograms:
         """Also those of the error output."""
         start(node, "t", 'sh -c "echo one; echo two >&2; exit 3"')
         assert node.said_of("t").partition("ended: ")[2] == "exit status 3\n  one\n  two"
+
+    def test_end_can_be_asked_for(self, node: Node):
+        """How the last program of a tag has ended, with its last lines; nothing of one that never ran."""
+        pid = start(node, "t", 'sh -c "echo one; exit 3"')
+        node.said_of("t")
+        assert node.client.ending("t") == Ending(pid, "exit status 3", ("one",))
+        assert node.client.ending("never") is None
 
     def test_folder_and_environment(self, node: Node, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         """A program of the folder comes before one of PATH; variables are set, changed and removed; no shell reads."""
@@ -226,8 +233,8 @@ class TestLimits:
 def test_any_message_is_answered_or_refused(quiet: RunServer, message: list[object]):
     """The node raises nothing but the errors that end a connection, and starts nothing that is not allowed."""
     with suppress(RtfError):
-        assert quiet._answer(Bottle(message)) is not None
-    assert quiet._answer(Bottle([["ps"]])) == Bottle()
+        assert quiet.answer(Bottle(message)) is not None
+    assert quiet.answer(Bottle([["ps"]])) == Bottle()
 
 
 class TestAccess:

@@ -1,0 +1,230 @@
+"""What is wrong in an application before anything is started: by its files alone, and by asking the network."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter, defaultdict
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rtf.applications.connections import read_qos
+from rtf.applications.deployers import LocalDeployer, find_deployer, is_local, program_of
+from rtf.applications.errors import ApplicationError
+from rtf.applications.ports import Order, ports_of
+from rtf.applications.run.client import RunClient
+from rtf.applications.run.protocol import split_words
+from rtf.applications.substitutions import is_there, substitute, table_of
+from rtf.applications.xml.descriptions import find_description
+from rtf.errors import RtfError
+from rtf.middleware.carriers import registry
+from rtf.middleware.ports import remote
+from rtf.middleware.ports.qos import QosError
+from rtf.middleware.wire import modifiers
+from rtf.middleware.wire.contact import Contact
+from rtf.xml_tree import quote
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rtf.applications.xml.model import Application, Channel, Connection, Module, Text
+    from rtf.middleware.ports.network import Network
+    from rtf.testing.suite.diagnostics import DiagnosticLog
+
+#: Carriers that YARP has, as an option of its build, and RTF does not.
+_OF_YARP = (
+    *("shmem", "bcast", "bayer", "depthimage", "depthimage2", "h264", "mpi", "xmlrpc", "rossrv", "tcpros"),
+    *("websocket", "zfp"),
+)
+#: Seconds that a node may take to answer.
+_ANSWER = 2.0
+_SPACE = re.compile(r"\s+|\w+::")
+_ANY = ("", "*", "any")
+
+
+def check_application(application: Application, problems: DiagnosticLog, network: Network | None = None) -> None:
+    """Collect the problems of an application. With a network its nodes and external ports are asked for."""
+    _Check(application, problems, network).run()
+
+
+class _Check:
+    def __init__(self, application: Application, problems: DiagnosticLog, network: Network | None) -> None:
+        self._application = application
+        self._modules = application.modules
+        self._problems = problems
+        self._network = network
+        self._folder = Path(application.file).parent
+        self._descriptions = [find_description(one.name, self._folder, problems) for one in self._modules]
+        self._ports = [ports_of(*pair) for pair in zip(self._modules, self._descriptions, strict=True)]
+
+    def run(self) -> None:
+        """Make all checks."""
+        self._check_programs()
+        self._check_arguments()
+        self._check_names()
+        self._check_order()
+        for connection in self._application.connections:
+            self._check_carrier(connection)
+            self._check_types(connection)
+        self._check_required_inputs()
+        self._check_twice()
+        self._check_arbitrators()
+        self._check_openers()
+        if self._network is not None:
+            self._check_nodes(self._network)
+
+    # Modules -----------------------------------------------------------------------------------------------------
+
+    def _check_programs(self) -> None:
+        try:
+            table = table_of(self._folder)
+        except ApplicationError as error:
+            return self._problems.error(str(error), self._application.name.location)
+        for module in self._modules:
+            found = substitute(module, table)
+            if found.missing and not found.optional:
+                self._problems.error(found.told, module.name.location, "install it, or take the module out")
+            elif found.told:
+                self._problems.warning(found.told, module.name.location)
+            try:
+                local = find_deployer(module, self._folder) is LocalDeployer
+            except ApplicationError as error:
+                self._problems.error(str(error), module.deployer.location)
+                continue
+            program = program_of(module)
+            if local and not found.told and not is_there(program, module.workdir):
+                self._problems.error(f"there is no program {quote(program)}", module.name.location, "install it")
+        return None
+
+    def _check_arguments(self) -> None:
+        for module, description in zip(self._modules, self._descriptions, strict=True):
+            words = split_words(module.parameters)
+            for argument in description.arguments if description is not None else ():
+                if argument.required and not argument.default and f"--{argument.name}" not in words:
+                    self._problems.error(
+                        f"{module.name} needs the argument --{argument.name}", module.location, argument.description
+                    )
+
+    def _check_names(self) -> None:
+        """Find modules that open the same port: by their descriptions, or because they are the same."""
+        by_port: dict[str, list[Module]] = defaultdict(list)
+        for module, ports in zip(self._modules, self._ports, strict=True):
+            for port in ports.described or ([ports.stem] if ports.stem else []):
+                by_port[port].append(module)
+        for port, modules in by_port.items():
+            for other in modules[1:]:
+                self._problems.error(
+                    f"{other} opens the port {port}, and so does {modules[0]}",
+                    other.location,
+                    "give one of them a <prefix>, a <portmap> or another --name",
+                )
+
+    def _check_order(self) -> None:
+        order = Order(self._application, self._ports)
+        if order.circle:
+            place = self._modules[order.circle[0]].location
+            message = f"modules wait for each other: {order.told(self._application)}"
+            self._problems.error(message, place, "remove one of their <dependencies>")
+
+    # Connections -------------------------------------------------------------------------------------------------
+
+    def _check_carrier(self, connection: Connection) -> None:
+        carrier = connection.carrier
+        plain = modifiers.split(carrier)[0]
+        if plain in _OF_YARP:
+            self._problems.warning(f"{connection}: only programs of YARP have the carrier {plain}", carrier.location)
+        elif plain not in registry.names():
+            hint = self._problems.did_you_mean(plain, registry.names())
+            self._problems.error(f"{connection}: there is no carrier {quote(plain)}", carrier.location, hint)
+        for end in (connection.source, connection.target):
+            try:
+                read_qos(end.qos)
+            except QosError as error:
+                self._problems.error(f"{connection}: {error}", end.qos.location)
+
+    def _check_types(self, connection: Connection) -> None:
+        source, target = self._channel(connection.source.port), self._channel(connection.target.port)
+        if source is None or target is None:
+            return
+        if source[0] == "input" or target[0] == "output":
+            wrong = connection.source.port if source[0] == "input" else connection.target.port
+            kind = source[0] if source[0] == "input" else target[0]
+            self._problems.error(f"{connection} is the wrong way round: {wrong} is an {kind}", connection.location)
+            return
+        sent, read = (_SPACE.sub("", one[1].type).lower() for one in (source, target))
+        if sent not in _ANY and read not in _ANY and sent != read:
+            message = f"{connection}: {source[1].type} is sent, and {target[1].type} is read"
+            self._problems.error(message, connection.location, "connect ports of one type")
+
+    def _channel(self, port: str) -> tuple[str, Channel] | None:
+        return next((one.described[port] for one in self._ports if port in one.described), None)
+
+    def _check_required_inputs(self) -> None:
+        fed = {str(one.target.port) for one in self._application.connections}
+        for module, ports in zip(self._modules, self._ports, strict=True):
+            for port, (kind, channel) in ports.described.items():
+                if kind == "input" and channel.required and port not in fed:
+                    message = f"nothing is connected to {port}, which {module.name} requires"
+                    self._problems.error(message, module.location, f"add a <connection> to {port}")
+
+    def _check_twice(self) -> None:
+        counts = Counter((one.source.port, one.target.port) for one in self._application.connections)
+        for one in self._application.connections:
+            if counts.pop((one.source.port, one.target.port), 0) > 1:
+                self._problems.warning(f"{one} is there more than once", one.location, "keep one")
+
+    def _check_arbitrators(self) -> None:
+        known = {one.name for one in self._application.connections}
+        for arbitrator in self._application.arbitrators:
+            message = f"the rules of {arbitrator.port} are not applied: RTF makes no port monitors"
+            self._problems.warning(message, arbitrator.port.location, "use yarpmanager for this application")
+            for name, _ in arbitrator.rules:
+                if name not in known:
+                    hint = self._problems.did_you_mean(name, known - {""})
+                    self._problems.error(f"there is no connection with the id {quote(name)}", name.location, hint)
+
+    def _check_openers(self) -> None:
+        """Find ports that nobody opens. A program of which nothing is known could open any."""
+        known = all(one.described or one.stem for one in self._ports)
+        tell = self._problems.error if all(self._descriptions) else self._problems.warning
+        for port, external in self._mentioned():
+            if any(ports.opens(port) for ports in self._ports) or self._exists(port):
+                continue
+            if external and self._network is not None:
+                self._problems.error(f"the external port {port} is not open", port.location, "start its program")
+            elif known and not external:
+                tell(f"no program opens the port {port}", port.location, 'or mark it with external="true"')
+
+    def _mentioned(self) -> Iterator[tuple[Text, bool]]:
+        application = self._application
+        for connection in application.connections:
+            for end in (connection.source, connection.target):
+                yield end.port, end.external
+        for dependency in application.dependencies:
+            yield dependency.port, True
+        for module in self._modules:
+            yield from ((one.port, False) for one in module.dependencies)
+
+    def _exists(self, port: str) -> bool:
+        return self._network is not None and remote.exists(self._network, Contact(port))
+
+    # The network -------------------------------------------------------------------------------------------------
+
+    def _check_nodes(self, network: Network) -> None:
+        nodes: dict[str, Module] = {}
+        for module in self._modules:
+            if module.deployer in ("", "node", "yarprun") and not is_local(module.node):
+                nodes.setdefault(f"/{module.node.lstrip('/')}", module)
+
+        def ask(node: str) -> RtfError | None:
+            try:
+                RunClient(node, network=network, timeout=_ANSWER).running()
+            except RtfError as error:
+                return error
+            return None
+
+        with ThreadPoolExecutor(max(1, min(len(nodes), 16))) as pool:
+            for (node, module), error in zip(nodes.items(), pool.map(ask, nodes), strict=True):
+                if error is not None:
+                    hint = f"start it there: rtf run --server {node}"
+                    self._problems.error(str(error), module.node.location, hint)

@@ -1,0 +1,97 @@
+"""What is known of a module of a running application, and what is reported of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import TypeAlias
+
+    from rtf.applications.deployers import Deployer
+    from rtf.applications.run.protocol import Ending
+    from rtf.applications.xml.model import Module
+
+
+class State(StrEnum):
+    """The state of a module."""
+
+    STOPPED = "stopped"
+    WAITING = "waiting"
+    STARTING = "starting"
+    RUNNING = "running"
+    ENDED = "ended"
+    FAILED = "failed"
+    MISSING = "not there"
+    UNKNOWN = "unknown"
+
+
+class Kind(StrEnum):
+    """The kind of a happening."""
+
+    SUBSTITUTED = "substituted"
+    WAITING = "waiting"
+    STARTED = "started"
+    FOUND = "found again"
+    ENDED = "ended"
+    FAILED = "failed"
+    RESTARTED = "restarted"
+    LOST = "lost"
+    BACK = "back"
+    CONNECTED = "connected"
+    STOPPED = "stopped"
+
+
+@dataclass(frozen=True, slots=True)
+class Happening:
+    """Something that happened to an application: its kind, a sentence, the module, and the end of its program."""
+
+    kind: Kind
+    text: str
+    module: str = ""
+    ending: Ending | None = None
+
+
+@dataclass(slots=True, eq=False)
+class Unit:
+    """A module in the hands of a manager.
+
+    ``since`` is when it was started, ``reason`` why it does not run, ``attempts`` how often it was restarted in a row.
+    """
+
+    index: int
+    module: Module
+    deployer: Deployer | None
+    state: State = State.STOPPED
+    pid: int = 0
+    reason: str = ""
+    since: float = 0.0
+    attempts: int = 0
+    optional: bool = False
+
+    @property
+    def place(self) -> Deployer:
+        """Its deployer. A module that is not there has none, and is never asked for it."""
+        assert self.deployer is not None
+        return self.deployer
+
+    @property
+    def active(self) -> bool:
+        """Whether it runs, or may run, or is about to."""
+        return self.state in (State.RUNNING, State.UNKNOWN, State.WAITING, State.STARTING)
+
+    @property
+    def up(self) -> bool:
+        """Whether it runs, or has ended well, or the application goes without it."""
+        return self.state in (State.RUNNING, State.ENDED) or self.optional
+
+    @property
+    def good(self) -> bool:
+        """Whether nothing went wrong with it."""
+        return self.state not in (State.FAILED, State.MISSING) or self.optional
+
+
+if TYPE_CHECKING:
+    Say: TypeAlias = Callable[[Happening], None]

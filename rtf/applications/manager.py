@@ -1,0 +1,370 @@
+"""The manager of an application: starts its modules, connects their ports, watches both, and stops all in reverse."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+from rtf import clock
+from rtf.applications import connections
+from rtf.applications.deployers import find_deployer, request_of
+from rtf.applications.errors import ApplicationError
+from rtf.applications.happenings import Happening, Kind, State, Unit
+from rtf.applications.links import Links
+from rtf.applications.ports import Order, ports_of
+from rtf.applications.substitutions import substitute, table_of
+from rtf.applications.xml.descriptions import find_description
+from rtf.applications.xml.model import RestartPolicy
+from rtf.errors import RtfError
+from rtf.middleware.ports import remote
+from rtf.middleware.wire.contact import Contact
+from rtf.testing.suite.diagnostics import DiagnosticLog
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+    from types import TracebackType
+
+    from rtf.applications.deployers import Deployer, Surroundings
+    from rtf.applications.happenings import Say
+    from rtf.applications.run.protocol import Ending
+    from rtf.applications.substitutions import Entry
+    from rtf.applications.xml.model import Application, Module
+
+#: Seconds between two looks at modules and at ports that are waited for, and between two looks at connections.
+LOOK, _LOOK_AT_LINKS = 0.25, 2.0
+#: Seconds between two looks at modules while others are started.
+_LOOK_AT_STARTS = 0.05
+#: Seconds for which a port is waited for that has no timeout, and for both ports of a connection.
+PATIENCE, _CONNECTING = 60.0, 10.0
+#: Seconds from SIGTERM to SIGKILL, and from there to giving up. Yarpmanager has the same.
+_STOP, _KILL = 15.0, 10.0
+#: A module that ran for so many seconds has all its attempts at a restart again.
+_STEADY = 60.0
+_GONE = (State.FAILED, State.ENDED, State.MISSING)
+
+
+class Manager:
+    """Runs an application. ``said`` is called with what happens, in any thread.
+
+    Modules that run already, as an earlier manager has started them, are found by their tags and not started again.
+    ``close`` ends what runs on this machine, unless it is held. Raises ApplicationError for an application that cannot
+    be run, and what its deployers raise.
+    """
+
+    def __init__(
+        self,
+        application: Application,
+        surroundings: Surroundings,
+        said: Say = lambda _: None,
+        *,
+        patience: float = PATIENCE,
+    ) -> None:
+        self.application = application
+        self._surroundings = surroundings
+        self._network = surroundings.network
+        self._said = said
+        self._patience = patience
+        self._ending = threading.Event()
+        self._lost: set[str] = set()
+        self._deployers: dict[tuple[type[Deployer], str], Deployer] = {}
+        self._looking: dict[Deployer, Future[None]] = {}
+        self._starts: list[Future[None]] = []
+        self._look_at_links = 0.0
+        folder = Path(application.file).parent
+        descriptions = [find_description(one.name, folder, DiagnosticLog()) for one in application.modules]
+        self._ports = [ports_of(*pair) for pair in zip(application.modules, descriptions, strict=True)]
+        self._order = Order(application, self._ports)
+        if self._order.circle:
+            raise ApplicationError(f"{application.file}: modules wait for each other: {self._order.told(application)}")
+        table = table_of(folder)
+        self.links = Links(application.connections, self._network, said)
+        self._pool = self._make_pool()
+        try:
+            self.units = [self._unit(index, one, folder, table) for index, one in enumerate(application.modules)]
+        except BaseException:
+            self.close()
+            raise
+
+    def _unit(self, index: int, module: Module, folder: Path, table: Mapping[str, Entry]) -> Unit:
+        found = substitute(module, table)
+        if found.told:
+            self._say(Kind.SUBSTITUTED, found.told, module)
+        if found.missing:
+            return Unit(index, module, None, State.MISSING, reason=found.told, optional=found.optional)
+        kind = find_deployer(found.module, folder)
+        key = kind, found.module.node.lstrip("/")
+        if key not in self._deployers:
+            self._deployers[key] = kind(found.module.node, self._surroundings)
+        return Unit(index, found.module, self._deployers[key])
+
+    def _make_pool(self) -> ThreadPoolExecutor:
+        """Return a pool in which all modules can wait at once, and all nodes be asked."""
+        return ThreadPoolExecutor(2 * len(self.application.modules) + 1, "rtf-app")
+
+    def _say(self, kind: Kind, text: str, module: Module | None = None, ending: Ending | None = None) -> None:
+        self._said(Happening(kind, text, "" if module is None else str(module), ending))
+
+    def _fail(self, unit: Unit, reason: str, did: str = "is not up") -> None:
+        unit.state, unit.reason = State.FAILED, reason
+        self._say(Kind.FAILED, f"{unit.module} {did}: {reason}", unit.module)
+
+    def _in_parallel(self, work: Callable[[Unit], None], units: Sequence[Unit]) -> None:
+        list(self._pool.map(work, units))
+
+    # Starting ----------------------------------------------------------------------------------------------------
+
+    def start(self) -> bool:
+        """Start all modules, in parallel as far as they do not wait for each other, and connect them.
+
+        Returns whether all is up. What is up stays up otherwise.
+        """
+        if not self._application_is_fulfilled():
+            return False
+        self.look()
+        waiting = []
+        for unit in self.units:
+            if unit.state is State.RUNNING:
+                self._say(Kind.FOUND, f"{unit.module} runs already ({unit.pid})", unit.module)
+            elif unit.state is State.UNKNOWN:
+                self._fail(unit, unit.reason)
+            elif unit.state is State.STOPPED:
+                unit.state = State.WAITING
+                waiting.append(unit)
+            elif not unit.optional:
+                self._say(Kind.FAILED, unit.reason, unit.module)
+        for unit in waiting:
+            self._begin(unit)
+        while any(unit.state in (State.WAITING, State.STARTING) for unit in self.units):
+            clock.sleep(_LOOK_AT_STARTS)
+            self._watch_modules()
+        return all(unit.up for unit in self.units) and not self._ending.is_set() and self._connect_all()
+
+    def interrupt(self) -> None:
+        """Have ``start`` and ``watch`` return soon. From any thread."""
+        self._ending.set()
+
+    def _application_is_fulfilled(self) -> bool:
+        for dependency in self.application.dependencies:
+            deadline = clock.Deadline.after(dependency.timeout or 0.0)
+            while what := connections.missing(self._network, dependency):
+                if deadline.expired or self._ending.wait(LOOK):
+                    self._say(Kind.FAILED, f"{self.application.name} needs a port: {what}")
+                    return False
+        return True
+
+    def _connect_all(self) -> bool:
+        """Connect all ports as soon as they are there. Returns whether all are."""
+        deadline = clock.Deadline.after(_CONNECTING)
+        while not (done := self.links.connect(last=deadline.expired)) and not deadline.expired:
+            if self._ending.wait(LOOK):
+                return False
+        return done
+
+    def _begin(self, unit: Unit) -> None:
+        """Have a module brought up in a thread of its own."""
+        self._starts.append(self._pool.submit(self._bring_up, unit))
+
+    def _bring_up(self, unit: Unit) -> None:
+        """Start a module, again if it is to be restarted, and wait until it counts as started."""
+        while unit.state is State.WAITING:
+            restart = unit.module.restart
+            if unit.attempts:
+                if self._ending.wait(restart.backoff):
+                    unit.state = State.STOPPED
+                    return
+                text = f"{unit.module} is restarted, attempt {unit.attempts} of {restart.attempts}"
+                self._say(Kind.RESTARTED, text, unit.module)
+            try:
+                self._await_dependencies(unit)
+                self._refuse_taken_ports(unit)
+                unit.state = State.STARTING
+                unit.pid = unit.place.start(request_of(unit.module, self._surroundings))
+                unit.since = clock.monotonic()
+                self._say(Kind.STARTED, f"{unit.module} is started ({unit.pid})", unit.module)
+                if self._settles(unit):
+                    unit.state = State.RUNNING
+                else:
+                    self._note_end(unit)
+            except RtfError as error:
+                self._fail(unit, str(error))
+
+    def _await_dependencies(self, unit: Unit) -> None:
+        """Wait for the ports of a module. Raises ApplicationError after the longest of their timeouts."""
+        openers = [self.units[index] for index in self._order.needs[unit.index]]
+        began, told = clock.monotonic(), False
+        longest = max((one.timeout or self._patience for one in unit.module.dependencies), default=0.0)
+        for dependency in unit.module.dependencies:
+            while what := connections.missing(self._network, dependency):
+                if failed := [other for other in openers if other.state in _GONE]:
+                    raise ApplicationError(f"it waits for a port of {failed[0].module}, which is not up")
+                if clock.monotonic() - began > longest:
+                    raise ApplicationError(f"after {longest:g} s, {what}")
+                if not told:
+                    told = True
+                    self._say(Kind.WAITING, f"{unit.module} waits: {what}", unit.module)
+                if self._ending.wait(LOOK):
+                    raise ApplicationError("it was waiting when the application was stopped")
+
+    def _refuse_taken_ports(self, unit: Unit) -> None:
+        for port in self._ports[unit.index].described:
+            found = self._network.names.query(port)
+            if found is not None and remote.exists(self._network, found):
+                where = f"{found.host}:{found.port}"
+                raise ApplicationError(f"its port {port} is open already, by another program at {where}; end that one")
+
+    def _settles(self, unit: Unit) -> bool:
+        """Wait until a module counts as started. False if it ends meanwhile; ApplicationError if it is never ready."""
+        ready = unit.module.ready
+        deadline = clock.Deadline.after(max(unit.module.settle, self._patience if ready else 0.0))
+        while not (ready and remote.exists(self._network, Contact(ready))):
+            expired = deadline.expired
+            if unit.module.tag not in unit.place.running():
+                return False
+            if expired and ready:
+                raise ApplicationError(f"its port {ready} is not open after {deadline.limit:g} s")
+            if expired or self._ending.wait(min(LOOK, deadline.remaining())):
+                break
+        return True
+
+    # Watching ----------------------------------------------------------------------------------------------------
+
+    def watch(self) -> bool:
+        """Watch until all modules have ended, or :meth:`interrupt` is called. Returns whether none failed."""
+        while any(unit.active for unit in self.units) and not self._ending.wait(LOOK):
+            self.watch_once()
+        return all(unit.good for unit in self.units)
+
+    def watch_once(self) -> None:
+        """Look at modules and connections, report, and begin to restart what is to be restarted."""
+        self._watch_modules()
+        if clock.monotonic() >= self._look_at_links:
+            self._look_at_links = clock.monotonic() + _LOOK_AT_LINKS
+            self.links.watch()
+
+    def _watch_modules(self) -> None:
+        before = [unit for unit in self.units if unit.state in (State.RUNNING, State.UNKNOWN)]
+        self.look(LOOK)
+        for unit in before:
+            if unit.state is State.STOPPED and self._note_end(unit):
+                self._begin(unit)
+        for done in [start for start in self._starts if start.done()]:
+            self._starts.remove(done)
+            done.result()
+
+    def look(self, timeout: float | None = None) -> None:
+        """Ask all nodes which modules run. Those that have not answered in time are asked no further until they do."""
+        for deployer in self._deployers.values():
+            if deployer not in self._looking or self._looking[deployer].done():
+                self._looking[deployer] = self._pool.submit(self._look_at, deployer)
+        for done in wait(self._looking.values(), timeout).done:
+            done.result()
+
+    def _look_at(self, deployer: Deployer) -> None:
+        looked_at = (State.STOPPED, State.RUNNING, State.UNKNOWN)
+        before = [(one, one.state) for one in self.units if one.deployer is deployer and one.state in looked_at]
+        try:
+            running: Mapping[str, int] | None = deployer.running()
+            reason = ""
+        except RtfError as error:
+            running, reason = None, str(error)
+        for unit, state in before:
+            if unit.state is not state:  # it is being started, or was stopped, meanwhile
+                continue
+            unit.reason = reason
+            if running is None:
+                unit.state = State.UNKNOWN
+            elif unit.module.tag in running:
+                unit.state, unit.pid = State.RUNNING, running[unit.module.tag]
+            else:
+                unit.state = State.STOPPED
+        self._tell_of(deployer, reason)
+
+    def _tell_of(self, deployer: Deployer, reason: str) -> None:
+        if reason and deployer.place not in self._lost:
+            self._lost.add(deployer.place)
+            self._say(Kind.LOST, f"{deployer.place} is not watched: {reason}")
+        elif not reason and deployer.place in self._lost:
+            self._lost.discard(deployer.place)
+            self._say(Kind.BACK, f"{deployer.place} answers again")
+
+    def _note_end(self, unit: Unit) -> bool:
+        """Report the end of a module that nobody asked for. Returns whether it waits now to be restarted."""
+        ending = unit.place.ending(unit.module.tag)
+        good = ending is not None and ending.good
+        unit.reason = ending.how if ending is not None else "its node does not say how"
+        last = "".join(f"\n    {line}" for line in ending.lines) if ending is not None else ""
+        self._say(Kind.ENDED if good else Kind.FAILED, f"{unit.module} ended: {unit.reason}{last}", unit.module, ending)
+        restart = unit.module.restart
+        if clock.monotonic() - unit.since > _STEADY:
+            unit.attempts = 0
+        unit.state = State.ENDED if good else State.FAILED
+        if restart.policy is RestartPolicy.NEVER or (good and restart.policy is RestartPolicy.ON_FAILURE):
+            return False
+        if unit.attempts == restart.attempts:
+            self._fail(unit, f"it ended {unit.attempts + 1} times", "is not restarted any more")
+            return False
+        unit.attempts += 1
+        unit.state = State.WAITING
+        return True
+
+    # Stopping ----------------------------------------------------------------------------------------------------
+
+    def stop(self, *, kill: bool = False) -> bool:
+        """Stop all modules, those first that wait for others; with ``kill`` at once. Returns whether none is left."""
+        self._ending.set()
+        self._pool.shutdown(wait=True)  # what is being started is started, or not
+        self._pool = self._make_pool()
+        for unit in self.units:
+            if unit.deployer is not None and (unit.pid or unit.state is not State.FAILED):
+                unit.state = State.STOPPED
+        self.look()
+        for level in reversed(self._order.levels()):
+            units = [self.units[index] for index in reversed(level)]
+            there = [unit for unit in units if unit.state in (State.RUNNING, State.UNKNOWN)]
+            self._in_parallel(lambda unit: self._bring_down(unit, kill=kill), there)
+        return not any(unit.state in (State.RUNNING, State.UNKNOWN) for unit in self.units)
+
+    def _bring_down(self, unit: Unit, *, kill: bool) -> None:
+        try:
+            if not kill:
+                clock.sleep(unit.module.farewell)
+            gently = not kill and self._ends(unit, signal.SIGTERM, _STOP)
+            if not gently and not self._ends(unit, signal.SIGKILL, _KILL):
+                raise ApplicationError(f"it does not end within {_KILL:g} s of SIGKILL")
+        except RtfError as error:
+            self._say(Kind.FAILED, f"{unit.module} is not stopped: {error}", unit.module)
+            return
+        unit.state = State.STOPPED
+        word = "is stopped" if gently else "is killed" if kill else f"is killed, as it ran {_STOP:g} s after SIGTERM"
+        self._say(Kind.STOPPED, f"{unit.module} {word}", unit.module)
+
+    @staticmethod
+    def _ends(unit: Unit, signum: int, timeout: float) -> bool:
+        """Send a signal and return whether the module ends within the time."""
+        unit.place.signal(unit.module.tag, signum)
+        deadline, pause = clock.Deadline.after(timeout), 0.02
+        while unit.module.tag in unit.place.running():
+            if deadline.expired:
+                return False
+            clock.sleep(pause)
+            pause = min(LOOK, 2 * pause)
+        return True
+
+    def close(self) -> None:
+        """Release the deployers. What runs on this machine ends, unless it is held."""
+        self._ending.set()
+        self._pool.shutdown(wait=True)
+        for deployer in self._deployers.values():
+            deployer.close()
+        self._deployers.clear()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

@@ -1,0 +1,389 @@
+"""``rtf app``: applications described by YARP's XML files, checked, started, watched and stopped."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rtf.cli.parser import key_value, make_parser, seconds
+from rtf.testing.verdict import ExitCode, Severity
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Iterable, Sequence
+
+    from rtf.applications.happenings import Happening
+    from rtf.applications.links import Links
+    from rtf.applications.manager import Manager
+    from rtf.applications.xml.model import Application
+    from rtf.applications.xml.reader import Loaded
+    from rtf.cli.parser import Parser
+    from rtf.middleware.ports.network import Network
+    from rtf.testing.events import Diagnosed
+
+#: Seconds for a manager that was asked to stop, and for what a killed one has left on this machine.
+_STOPPING, _GRACE = 120.0, 5.0
+
+
+def _parser(word: str, description: str, example: str = "lab.xml") -> Parser:
+    parser = make_parser(f"app {word}", description, f"rtf app {word} {example}")
+    parser.add_argument("file", metavar="FILE", help="the application: its file, or the name of one that YARP finds")
+    parser.add_argument(
+        "--var", action="append", type=key_value, default=[], metavar="NAME=VALUE", help="a variable, over the file's"
+    )
+    return parser
+
+
+def _load(options: argparse.Namespace) -> Loaded:
+    from rtf.applications.xml.reader import find_application, read_application
+
+    path = Path(options.file)
+    if not path.exists():
+        path = find_application(options.file, Path.cwd()) or path
+    return read_application(path, dict(options.var))
+
+
+def _show(problems: Iterable[Diagnosed]) -> int:
+    """Print problems to stderr, and return the number of errors."""
+    found = [*problems]
+    for one in found:
+        print(one, file=sys.stderr)
+    return sum(one.severity is Severity.ERROR for one in found)
+
+
+def _sound(options: argparse.Namespace) -> Application | None:
+    """Read an application; None if its files have errors, which are printed."""
+    loaded = _load(options)
+    if _show(loaded.diagnostics):
+        print(f"rtf app: {options.file} is not used: 'rtf app check' tells more", file=sys.stderr)
+        return None
+    return loaded.application
+
+
+# Without starting anything -----------------------------------------------------------------------------------------
+
+
+def check(words: Sequence[str]) -> ExitCode:
+    """Report all problems of an application; nothing is started."""
+    from rtf.applications.check import check_application
+    from rtf.testing.suite.diagnostics import DiagnosticLog
+
+    parser = _parser("check", "Everything that is wrong in an application, before anything is started.")
+    parser.add_argument("--strict", action="store_true", help="warnings count as errors")
+    parser.add_argument("--offline", action="store_true", help="do not ask the network for nodes and external ports")
+    options = parser.parse_args(words)
+    loaded = _load(options)
+    problems = DiagnosticLog()
+    if not loaded.has_errors:
+        check_application(loaded.application, problems, None if options.offline else _network_if_there())
+    found = [*loaded.diagnostics, *problems]
+    errors = _show(found)
+    warnings = len(found) - errors
+    application = loaded.application
+    size = f"{_counted(len(application.modules), 'module')}, {_counted(len(application.connections), 'connection')}"
+    print(f"{size}: {_counted(errors, 'error')}, {_counted(warnings, 'warning')}")
+    return ExitCode.USAGE if errors or (options.strict and warnings) else ExitCode.PASSED
+
+
+def _network_if_there() -> Network | None:
+    from rtf.cli.network.options import make_network
+    from rtf.middleware.errors import MiddlewareError
+
+    network = make_network(2.0)
+    try:
+        network.names.query("/root")
+    except MiddlewareError as error:
+        print(f"rtf app check: nodes and external ports are not looked at: {error}", file=sys.stderr)
+        return None
+    return network
+
+
+def show(words: Sequence[str]) -> ExitCode:
+    """Print an application as it would be run, or its file as it would be written."""
+    from rtf.applications.substitutions import substitute, table_of
+    from rtf.applications.xml.tree import read_tree, to_bytes
+
+    parser = _parser("show", "An application as it would be run: with what it embeds, and its variables replaced.")
+    parser.add_argument("--xml", action="store_true", help="print its file in order, with all that it has")
+    options = parser.parse_args(words)
+    application = _sound(options)
+    if application is None:
+        return ExitCode.USAGE
+    if options.xml:
+        print(to_bytes(read_tree(Path(application.file))).decode(), end="")
+        return ExitCode.PASSED
+    print(f"{application.name} {application.version}".rstrip())
+    if application.description:
+        print(f"  {application.description}")
+    table = table_of(Path(application.file).parent)
+    for module in application.modules:
+        print(f"module {module.command}  [{module.node}]")
+        for dependency in module.dependencies:
+            print(f"  waits for {dependency.port}")
+        if told := substitute(module, table).told:
+            print(f"  {told}")
+    for connection in application.connections:
+        print(f"connection {connection}  [{connection.carrier}{' persist' if connection.persist else ''}]")
+    return ExitCode.PASSED
+
+
+def list_applications(words: Sequence[str]) -> ExitCode:
+    """Print the applications of files and folders, a line each."""
+    from rtf.applications.xml.reader import name_in
+    from rtf.resources import ResourceFinder
+    from rtf.resources.finder import Policy
+
+    parser = make_parser("app list", "The applications of files and folders.", "rtf app list\nrtf app list lab/")
+    help_ = "files and folders (default: the current one, and the folders 'applications' where YARP looks)"
+    parser.add_argument("places", nargs="*", type=Path, metavar="FILE|FOLDER", help=help_)
+    places = parser.parse_args(words).places
+    if not places:
+        found = ResourceFinder().search("applications", policy=Policy.ALL, directory=True)
+        places = [Path(), *found.paths]
+    files = [file for place in places for file in (sorted(place.glob("*.xml")) if place.is_dir() else [place])]
+    listed = [(name, file) for file in files if (name := name_in(file))]
+    width = max((len(name) for name, _ in listed), default=0)
+    for name, file in listed:
+        print(f"{name:<{width}}  {file}")
+    return ExitCode.PASSED if listed else ExitCode.FAILURES
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' if number != 1 else ''}"
+
+
+# With the network --------------------------------------------------------------------------------------------------
+
+
+def _session_path(application: Application, folder: str = "apps") -> Path:
+    import platformdirs
+
+    from rtf.applications.run.record import record_path
+    from rtf.middleware.naming.configuration import read_place
+
+    place = read_place()
+    state = platformdirs.user_state_path("rtf", appauthor=False) / folder
+    return record_path(state, f"app_{application.name}", str(place.contact) if place else "")
+
+
+def _make_manager(application: Application, options: argparse.Namespace, *, attached: bool = False) -> Manager:
+    """Return a manager with the node of this machine, or ``attached`` to that of the process that runs it."""
+    import re
+    import socket
+
+    from rtf.applications.deployers import Surroundings
+    from rtf.applications.manager import PATIENCE, Manager
+    from rtf.applications.run.record import NodeRecord
+    from rtf.cli.network.options import make_network
+    from rtf.cli.network.terminal import say
+    from rtf.middleware.naming.configuration import find_network
+
+    word = re.sub(r"[^0-9A-Za-z._-]", "_", application.name)
+    surroundings = Surroundings(
+        make_network(),
+        find_network({**os.environ, "YARP_IP": "127.0.0.1"}),
+        f"/app/{word}/{socket.gethostname()}",
+        None if attached else NodeRecord(_session_path(application, "nodes")),
+        hold=getattr(options, "detach", False),
+        log=getattr(options, "log", None),
+        attached=attached,
+        told=say,
+    )
+    return Manager(application, surroundings, _tell, patience=getattr(options, "timeout", PATIENCE))
+
+
+def _tell(happening: Happening) -> None:
+    from rtf.applications.happenings import Kind
+    from rtf.cli.network.terminal import complain, say
+
+    with _telling:
+        (complain if happening.kind in (Kind.FAILED, Kind.LOST) else say)(happening.text)
+
+
+_telling = threading.Lock()
+
+
+def run(words: Sequence[str]) -> int:
+    """Run an application until its modules have ended, or a signal comes; returns the exit code."""
+    from rtf.cli.network.terminal import run_to_its_end
+
+    parser = _parser(
+        "run",
+        "Start the modules of an application, connect their ports, and watch both until all modules have ended. The"
+        " first SIGINT or SIGTERM stops the modules in reverse, and so does the end of this command however it comes.",
+        "lab.xml --var robot=icubSim\nrtf app run lab.xml --detach; rtf app status lab.xml; rtf app stop lab.xml",
+    )
+    parser.add_argument("--detach", action="store_true", help="leave when all is up; the modules run on")
+    parser.add_argument(
+        "--log", nargs="?", const="/yarplogger", metavar="/LOGGER", help="send the output of modules to the logger"
+    )
+    parser.add_argument(
+        "--timeout", type=seconds, default=60.0, metavar="S", help="for ports without a timeout of their own (60)"
+    )
+    options = parser.parse_args(words)
+    application = _sound(options)
+    if application is None:
+        return ExitCode.USAGE
+    if not options.detach:
+        from rtf.applications.run.keeper import fork_server
+
+        code = fork_server(_GRACE)
+        if code is not None:
+            return run_to_its_end("rtf app run", lambda _: _clean_up(application, options, code), words)
+    return run_to_its_end("rtf app run", lambda _: _run(application, options), words)
+
+
+def _run(application: Application, options: argparse.Namespace) -> int:
+    from rtf.applications.session import Session
+    from rtf.cli.network.terminal import opened, say
+
+    with Session(_session_path(application)), opened(partial(_make_manager, application, options)) as manager:
+        if options.detach and manager.start():
+            say(f"{application.name} runs on; 'rtf app stop {options.file}' stops it")
+            return ExitCode.PASSED
+        good = not options.detach and _run_watched(manager)
+        return ExitCode.PASSED if _stop(manager) and good else ExitCode.FAILURES
+
+
+def _run_watched(manager: Manager) -> bool:
+    """Start an application and watch it, in a thread: this one waits for signals. Returns whether nothing failed."""
+    from rtf.cli.network.terminal import Bell, say
+
+    bell, good = Bell(), [False]
+
+    def work() -> None:
+        try:
+            if manager.start():
+                say(f"{manager.application.name} is up")
+                good[0] = manager.watch()
+        finally:
+            bell.ring()
+
+    thread = threading.Thread(target=work, name="rtf-app-run")
+    thread.start()
+    try:
+        bell.wait()
+    except KeyboardInterrupt:
+        good[0] = all(unit.good for unit in manager.units)
+    manager.interrupt()
+    thread.join()
+    return good[0]
+
+
+def _stop(manager: Manager, *, kill: bool = False) -> bool:
+    manager.links.disconnect()
+    return manager.stop(kill=kill)
+
+
+def _clean_up(application: Application, options: argparse.Namespace, code: int) -> int:
+    """Stop what a manager has left on nodes that was killed. In its parent process, which has ended what was here."""
+    from rtf.applications.errors import TakenError
+    from rtf.applications.session import Session
+    from rtf.cli.network.terminal import complain, opened
+
+    try:
+        session = Session(_session_path(application))
+    except TakenError:  # another process cares for the application already
+        return code
+    with session:
+        if session.unfinished:
+            complain(f"the manager of {application.name} was killed; what it has left is stopped")
+            with opened(partial(_make_manager, application, options)) as manager:
+                _stop(manager)
+    return code
+
+
+def stop(words: Sequence[str]) -> ExitCode:
+    """Stop an application: its manager, if there is one, and its modules."""
+    return _end("stop", "Stop the modules of an application in reverse, whoever has started them.", words)
+
+
+def kill(words: Sequence[str]) -> ExitCode:
+    """Kill the modules of an application, and its manager if there is one."""
+    return _end("kill", "Kill the modules of an application, whoever has started them.", words)
+
+
+def _end(word: str, description: str, words: Sequence[str]) -> ExitCode:
+    from rtf.applications.errors import TakenError
+    from rtf.applications.session import Session, await_session
+    from rtf.cli.network.terminal import opened, say
+
+    options = _parser(word, description).parse_args(words)
+    application = _sound(options)
+    if application is None:
+        return ExitCode.USAGE
+    path = _session_path(application)
+    try:
+        session = Session(path)
+    except TakenError as taken:
+        say(f"process {taken.pid} runs {application.name}, and is asked to stop it")
+        os.kill(taken.pid, signal.SIGKILL if word == "kill" else signal.SIGTERM)
+        session = await_session(path, _STOPPING)
+    with session, opened(partial(_make_manager, application, options)) as manager:
+        return ExitCode.PASSED if _stop(manager, kill=word == "kill") else ExitCode.FAILURES
+
+
+def connect(words: Sequence[str]) -> ExitCode:
+    """Make the connections of an application."""
+    options = _parser("connect", "Make the connections of an application whose ports are open.").parse_args(words)
+    application = _sound(options)
+    if application is None:
+        return ExitCode.USAGE
+    return ExitCode.PASSED if _links(application).connect() else ExitCode.FAILURES
+
+
+def disconnect(words: Sequence[str]) -> ExitCode:
+    """End the connections of an application."""
+    options = _parser("disconnect", "End the connections of an application.").parse_args(words)
+    application = _sound(options)
+    if application is None:
+        return ExitCode.USAGE
+    return ExitCode.PASSED if _links(application).disconnect() else ExitCode.FAILURES
+
+
+def _links(application: Application) -> Links:
+    from rtf.applications.links import Links
+    from rtf.cli.network.options import make_network
+
+    return Links(application.connections, make_network(), _tell)
+
+
+def status(words: Sequence[str]) -> ExitCode:
+    """Print how the modules and connections of an application are."""
+    from rtf.applications.errors import TakenError
+    from rtf.applications.happenings import State
+    from rtf.applications.session import Session
+    from rtf.cli.network.terminal import opened, say
+
+    options = _parser("status", "How the modules and connections of an application are.").parse_args(words)
+    application = _sound(options)
+    if application is None:
+        return ExitCode.USAGE
+    try:
+        session = Session(_session_path(application))
+        attached = False
+    except TakenError:
+        session, attached = None, True
+    try:
+        with opened(partial(_make_manager, application, options, attached=attached)) as manager:
+            manager.look()
+            connected = manager.links.states()
+    finally:
+        if session is not None:
+            session.close()
+    for unit in manager.units:
+        pid = f" ({unit.pid})" if unit.state is State.RUNNING else ""
+        reason = f": {unit.reason}" if unit.reason else ""
+        say(f"{unit.state:<12} {unit.module}{pid}{reason}")
+    for connection, exists in connected:
+        say(f"{_STATES[exists]:<12} {connection}")
+    fine = all(unit.up for unit in manager.units) and all(exists for _, exists in connected)
+    return ExitCode.PASSED if fine else ExitCode.FAILURES
+
+
+_STATES = {True: "connected", False: "apart", None: "unknown"}
