@@ -120,15 +120,18 @@ _UNREAD = _Elsewhere(is_plugin=None, value=UNCERTAIN)
 
 
 class Source:
-    """A file of Python: its classes in the order of writing, and its imports, by name."""
+    """A file of Python: its classes in the order of writing, its imports by name, and the modules they are from."""
 
     def __init__(self, tree: ast.Module) -> None:
         self.imported: dict[str, str] = {}
+        self.modules: list[str] = []
         for node in tree.body:
             if isinstance(node, ast.Import):
                 self.imported |= {(one.asname or one.name.partition(".")[0]): _bound(one) for one in node.names}
+                self.modules += [one.name for one in node.names]
             elif isinstance(node, ast.ImportFrom) and not node.level:
                 self.imported |= {(one.asname or one.name): f"{node.module}.{one.name}" for one in node.names}
+                self.modules.append(node.module or "")
         self.classes: list[ClassText] = []
         for node in tree.body:
             if isinstance(node, ast.ClassDef):
@@ -181,6 +184,16 @@ def source_of(path: Path) -> Source:
 def declared_names(path: Path) -> dict[str, str]:
     """Return the names that a Python file declares for plug-ins, and the class of each."""
     return {name: one.name for name, one in source_of(path).declared.items()}
+
+
+def library_modules(ref: PluginRef) -> list[str]:
+    """Return the modules of this library that the file of a plug-in imports when it is loaded, as far as they exist.
+
+    Importing them runs no code of the plug-in's author.
+    """
+    if ref.language != "python":
+        return []
+    return [module for module in source_of(Path(ref.path)).modules if _library_file(module) is not None]
 
 
 def specs_in(path: Path) -> list[PluginSpec]:
@@ -273,9 +286,14 @@ def _class_named(name: str) -> ClassText:
 
 @cache
 def _library_source(module: str) -> Source:
+    path = _library_file(module)
+    return _NO_SOURCE if path is None else Source(ast.parse(path.read_text(encoding="utf-8")))
+
+
+@cache
+def _library_file(module: str) -> Path | None:
+    """Return the file of a module of this library; None if there is no such module."""
     first, *rest = module.split(".")
     place = Path(rtf.__file__).parent.joinpath(*rest)
-    for path in (place.with_suffix(".py"), place / "__init__.py"):
-        if first == _LIBRARY and path.is_file():
-            return Source(ast.parse(path.read_text(encoding="utf-8")))
-    return _NO_SOURCE
+    paths = (place.with_suffix(".py"), place / "__init__.py") if first == _LIBRARY else ()
+    return next((path for path in paths if path.is_file()), None)

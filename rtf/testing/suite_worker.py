@@ -19,6 +19,7 @@ from rtf.testing.events import Diagnosed, SuiteEnded, SuiteStarted
 from rtf.testing.isolation.attempt import Stop
 from rtf.testing.isolation.messages import STOP_LIMIT, Job, Use
 from rtf.testing.isolation.worker_pool import ForkServerClient
+from rtf.testing.plugin_source import library_modules
 from rtf.testing.run_control import KILL_STAGE, alarm
 from rtf.testing.suite.model import Scope
 from rtf.testing.supervision.supervisor import Fixture, Supervisor
@@ -52,9 +53,8 @@ class SuiteWorker:
         self._stops_before = 0  # what comes after these ends a fixture's teardown by force
         self._aborted = ""
         self._shared: Child | None = None
-        preload = tuple(dict.fromkeys(name for suite in suites for name in suite.preload))
         self.fork_server = ForkServerClient(
-            preload=preload,
+            preload=_modules_to_preload(suites),
             uses=Counter(test.found.path for suite in suites for test in suite.tests if test.found is not None),
             launched=run.take_launched(),
             stop_now=lambda: run.control.stage > 0,
@@ -277,6 +277,15 @@ class SuiteWorker:
         values = self.supervisor.values(names)
         suffix = copy_suffix(self.current.copy)
         return json.dumps({name.removesuffix(suffix): value for name, value in values.items()}) if values else ""
+
+
+def _modules_to_preload(suites: Sequence[TestSuite]) -> tuple[str, ...]:
+    """Return the modules that the fork server imports: those that suites name, and RTF's that plug-ins import."""
+    asked = [name for suite in suites for name in suite.preload]
+    found = [entry.found for suite in suites for entry in suite.tests]
+    found += [entry.found for suite in suites for entry in suite.fixtures]
+    own = [name for plugin in dict.fromkeys(found) if plugin is not None for name in library_modules(plugin)]
+    return tuple(dict.fromkeys([*asked, *own]))
 
 
 def _kept_for(suite: TestSuite, later: Sequence[TestSuite]) -> set[str]:

@@ -12,6 +12,7 @@ import math
 import os
 import tomllib
 from functools import cache
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -125,8 +126,6 @@ class _Reading:
             if not path.is_file():
                 self._fail(["description", "file"], f"there is no {path}")
             return path
-        from importlib.metadata import PackageNotFoundError, distribution  # which takes long to import
-
         try:
             files = distribution(given.package).files or []
         except PackageNotFoundError:

@@ -11,7 +11,7 @@ import pytest
 from harness import Outcome, run_suite
 from rtf import clock
 from rtf.testing import plugins
-from rtf.testing.events import OutputCaptured, TestEnded, TestStarted
+from rtf.testing.events import Diagnosed, OutputCaptured, TestEnded, TestStarted
 from rtf.testing.isolation import child as child_module
 from rtf.testing.isolation import messages
 from rtf.testing.isolation.child import Child
@@ -180,6 +180,42 @@ class It(TestCase):
         for event in outcome.of(TestEnded):
             assert event.max_rss > 64 << 20  # type: ignore[attr-defined]
             assert 0 < event.cpu_time < 10  # type: ignore[attr-defined]
+
+
+LOADED_BEFORE = """
+import sys
+before = "rtf.robot_testing" in sys.modules
+from rtf.testing import TestCase
+LINE
+class It(TestCase):
+    def run(self):
+        self.report(str(before))
+"""
+
+
+@pytest.mark.parametrize(
+    ("line", "found"),
+    [
+        ("from rtf.robot_testing import RobotTest", "True"),
+        ("import rtf.robot_testing", "True"),
+        ("import json", "False"),
+        ("if not before: from rtf.robot_testing import RobotTest", "False"),
+    ],
+)
+def test_modules_of_the_library_are_loaded_once_for_all_files(tmp_path: Path, line: str, found: str):
+    """What any file of the suite imports from the library at its top is in memory before each of them is loaded."""
+    importing = LOADED_BEFORE.replace("LINE", line)
+    xml = '<test name="one">it.py</test><test name="other">other.py</test>'
+    outcome = run_suite(tmp_path, xml, it__py=importing, other__py=LOADED_BEFORE.replace("LINE", ""))
+    assert [said(outcome, name) for name in ("one", "other")] == [found, found]
+
+
+def test_a_module_that_the_library_has_not_is_an_error_of_its_test_only(tmp_path: Path):
+    """The run does not look for it on its own."""
+    code = LOADED_BEFORE.replace("LINE", "from rtf.nowhere import Something")
+    outcome = run_suite(tmp_path, '<test name="one">it.py</test>', it__py=code)
+    assert "No module named 'rtf.nowhere'" in outcome.detail("one")
+    assert not outcome.of(Diagnosed)
 
 
 def test_every_change_is_named():
