@@ -11,7 +11,7 @@ from rtf.robot.control_modes import ControlMode
 from rtf.robot.errors import RobotError
 from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.guard.transmission import Transmission
-from rtf.robot_testing.judging.blame import Evidence, accused
+from rtf.robot_testing.judging.blame import Evidence, Strength, accused
 from rtf.robot_testing.motion.part import TOLERANCE
 from rtf.robot_testing.motion.start_position import hold, late_evidence, late_held_joints
 from rtf.robot_testing.motion.stop_evidence import stop_evidence
@@ -114,7 +114,7 @@ class JointsTest(RobotTest):
         wrong = accused(found)
         doubtful = [joint for joint in late if joint in self.chosen and joint not in wrong]
         for joint in doubtful:
-            complaint = Evidence(frozenset({joint}), late[joint], certain=False)
+            complaint = Evidence(frozenset({joint}), late[joint], strength=Strength.UNCERTAIN)
             self.judge_evidence(part, joint, complaint, found)
         self.chosen = [joint for joint in self.chosen if joint not in doubtful]
         tested = {joint: one.sentence for joint, one in wrong.items() if joint in self.chosen}
@@ -173,9 +173,9 @@ class JointsTest(RobotTest):
             self.check(condition=False, text=text)
 
     def fail_others(self, evidence: Iterable[Evidence], tested: Sequence[int]) -> None:
-        """Fail the joints beside those that are tested that certain evidence accuses."""
+        """Fail the joints beside those that are tested that certain or likely evidence accuses."""
         for one in evidence:
-            for joint in sorted(one.joints - {*tested} if one.certain else ()):
+            for joint in sorted(one.joints - {*tested} if one.strength > Strength.UNCERTAIN else ()):
                 with self.subresult(self.robot_part.names[joint]):
                     self.check(condition=False, text=one.sentence)
 

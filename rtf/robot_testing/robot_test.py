@@ -27,7 +27,7 @@ from rtf.robot_testing.guard.read_only_board import connect_read_only
 from rtf.robot_testing.guard.safety import Safety
 from rtf.robot_testing.guard.simulated import is_simulated
 from rtf.robot_testing.injected_fault import parse_injection, wrong_fault
-from rtf.robot_testing.judging.blame import Evidence, accused, blame, settle
+from rtf.robot_testing.judging.blame import Evidence, Strength, accused, blame, settle
 from rtf.robot_testing.judging.real_time_checks import CpuPressure, overload
 from rtf.robot_testing.motion.part import Part
 from rtf.robot_testing.motion.stop_evidence import stop_evidence
@@ -323,11 +323,11 @@ class RobotTest(TestCase):
                 self.judge_evidence(part, other, evidence, found)
 
     def _note(self, part: Part, joint: int, found: Sequence[Evidence]) -> None:
-        """Remember certain evidence, and exclude those whom it accuses beside a joint."""
-        certain = [one for one in found if one.certain]
-        self._evidence = {**self._evidence, part.name: [*self._evidence.get(part.name, []), *certain]}
+        """Remember certain and likely evidence, and exclude those whom it accuses beside a joint."""
+        strong = [one for one in found if one.strength > Strength.UNCERTAIN]
+        self._evidence = {**self._evidence, part.name: [*self._evidence.get(part.name, []), *strong]}
         if part.guard is not None:
-            for other in accused(certain).keys() - {joint}:
+            for other in accused(strong).keys() - {joint}:
                 part.guard.exclude(other, "it does not obey its commands")
                 part.guard.exclude_coupled(other, "which was left without power")
 
@@ -340,7 +340,7 @@ class RobotTest(TestCase):
             return False
         known = self._evidence.get(part.name, [])
         text = f"{part.names[joint]} was excluded and left without power"
-        complaint = Evidence(frozenset({joint}), text, ("stopped",), certain=False)
+        complaint = Evidence(frozenset({joint}), text, ("stopped",), strength=Strength.UNCERTAIN)
         if known:
             self.judge_evidence(part, joint, complaint, known)
         else:
@@ -471,7 +471,7 @@ def _complaint(joint: int, error: GuardError, findings: Sequence[str], during: s
     """Return the complaint about a joint because of a stop; one that was blocked has causes of its own."""
     causes = (error.finding,) if error.finding == "blocked" or not findings else tuple(findings)
     text = f"{during}: {error}" if during else str(error)
-    return Evidence(frozenset({joint}), text, causes, certain=False, excuse=error.excuse)
+    return Evidence(frozenset({joint}), text, causes, strength=Strength.UNCERTAIN, excuse=error.excuse)
 
 
 #: Time for the first state of a board, s of the robot's clock: usually, and at most on a busy machine.

@@ -225,6 +225,8 @@ class StepTest(RobotTest):
             error.time = min(error.time, self.now())
             raise
         now = part.board.control_modes(joint)[0]
+        if now is not mode and (cause := self.explained(part, joint)):  # the other one was released, and it as well
+            self.inconclusive(f"{part.names[joint]} left {mode.word} for {now.word}: {cause}")
         self.assert_true(now is mode, f"{part.names[joint]} left {mode.word} for {now.word} in the middle of a step")
         late = self._late(joint, times, ages, trace)
         stamps = trace.local_time

@@ -7,20 +7,21 @@ the part:
 ====================================================  ==============================================================
 the strongest evidence                                the verdict on the joint
 ====================================================  ==============================================================
-is certain, and accuses it                            failed
-is certain, and accuses others only                   inconclusive; it names what explains the complaint
-is uncertain, and accuses it                          failed
-is uncertain, and accuses others only                 inconclusive; likewise
+accuses it                                            failed
+accuses others only                                   inconclusive; it names what explains the complaint
 there is none                                         failed: nothing else explains the complaint
 ====================================================  ==============================================================
 
 Certain is what sensors of a joint or a motor show of itself, such as an encoder that stands still while its motor
-turns. A joint that had to be stopped, or is late, is uncertain: that happens to the healthy neighbours of a fault, too.
+turns. Likely is a motor that is driven hard and does not turn while another joint had to be stopped: it works against
+its controller, or against an obstacle, and shakes the others. A joint that had to be stopped, or is late, is uncertain:
+that happens to the healthy neighbours of a fault, too.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import TYPE_CHECKING, NoReturn
 
 from rtf.robot_testing.judging.failure_causes import likely_causes
@@ -29,6 +30,14 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from rtf.testing import TestCase
+
+
+class Strength(IntEnum):
+    """How much an evidence says."""
+
+    UNCERTAIN = 1
+    LIKELY = 2
+    CERTAIN = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +50,7 @@ class Evidence:
     joints: frozenset[int]
     text: str
     findings: tuple[str, ...] = ()
-    certain: bool = True
+    strength: Strength = Strength.CERTAIN
     excuse: str = ""
 
     @property
@@ -60,22 +69,16 @@ class Blame:
 
 def blame(joint: int, complaint: Evidence, evidence: Iterable[Evidence] = ()) -> Blame:
     """Return the verdict on a joint of which a test complains, by the evidence on the joints of its part."""
-    found = [*evidence]
-    for certain in (True, False):
-        own = [one for one in found if one.certain is certain and joint in one.joints]
-        others = [one for one in found if one.certain is certain and joint not in one.joints]
-        if own:
-            return _failed(own[0], complaint)
-        if others:
-            return Blame(failed=False, text=_explained(complaint.text, others[0].text))
-    return _failed(complaint, complaint)
+    strongest = _strongest(evidence)
+    own = next((one for one in strongest if joint in one.joints), None)
+    if strongest and own is None:
+        return Blame(failed=False, text=_explained(complaint.text, strongest[0].text))
+    return _failed(own or complaint, complaint)
 
 
 def accused(evidence: Iterable[Evidence]) -> dict[int, Evidence]:
-    """Return the joints that the strongest evidence accuses, each with it: all certain evidence, else the uncertain."""
-    found = [*evidence]
-    strongest = [one for one in found if one.certain] or found
-    return {joint: one for one in reversed(strongest) for joint in sorted(one.joints)}
+    """Return the joints that the strongest evidence accuses, each with it."""
+    return {joint: one for one in reversed(_strongest(evidence)) for joint in sorted(one.joints)}
 
 
 def settle(test: TestCase, verdict: Blame) -> NoReturn:
@@ -83,6 +86,12 @@ def settle(test: TestCase, verdict: Blame) -> NoReturn:
     if verdict.failed:
         test.assert_fail(verdict.text)
     test.inconclusive(verdict.text)
+
+
+def _strongest(evidence: Iterable[Evidence]) -> list[Evidence]:
+    found = [*evidence]
+    most = max((one.strength for one in found), default=Strength.CERTAIN)
+    return [one for one in found if one.strength is most]
 
 
 def _failed(evidence: Evidence, complaint: Evidence) -> Blame:

@@ -6,8 +6,9 @@ compared with the motors: a jam shows in the motion of one joint, a dead motor i
 controllers of the joints drive all of their motors. The explanation with the fewest culprits holds.
 
 A joint that stands still with a large duty cycle may carry a load, or be pressed against something by others. That
-explains the stop of the joint itself, or of one that shares its motors, and no other. Elsewhere a motor has to turn
-against its duty cycle; a cause comes first, so who stopped to follow first is accused.
+explains the stop of the joint itself, or of one that shares its motors. Elsewhere it is likely only, and only at a duty
+cycle that is half as large again; a motor that turns against its duty cycle is certain. A cause comes first, so who
+stopped to follow first is accused.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rtf.robot_testing.judging.blame import Evidence
+from rtf.robot_testing.judging.blame import Evidence, Strength
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
@@ -27,15 +28,18 @@ if TYPE_CHECKING:
 
 #: Duty cycle that no healthy joint needs in free motion at the speeds of tests, %: twice what counts as pressing.
 _LARGE = 30.0
+#: Duty cycle with which a joint beside the stopped one presses, %: no load of a robot at rest needs as much.
+_HARD = 1.5 * _LARGE
 #: A motor that is slower than this, deg/s of the joint, does not turn.
 _SLOW = 1.0
-#: Shortest time for which a motor must not follow, s: a fast joint that brakes is pushed back for less.
-_LASTING = 0.15
+#: Shortest time for which a motor must not follow, s: a fast joint that brakes is pushed back for less; and the share
+#: of states in it in which it may.
+_LASTING, _FOLLOWS = 0.15, 0.3
 #: A motor turns against its duty cycle, and does not only stand still, by this way, deg of the joint.
 _WAY = 5.0
 #: Two motors are exchanged if each turns with the duty cycle of the other one for this share of the states in which it
 #: turns clearly, deg/s of the joint; and the fewest of these.
-_MOSTLY, _CLEARLY, _FEWEST = 0.7, 10.0, 5
+_EXCHANGED, _CLEARLY, _FEWEST = 0.9, 10.0, 8
 #: Who stops to follow later than the first one by this time, s, is not accused.
 _LATER = 0.1
 
@@ -69,6 +73,7 @@ def drive_evidence(drive: Drive, names: Sequence[str], suspects: Collection[int]
         what = f"the motors of {names[pair[0]]} and {names[pair[1]]} are swapped"
         return [Evidence(frozenset(pair), f"{what}: each turns by the duty cycle of the other", ("swapped motors",))]
     elsewhere: list[tuple[float, Evidence]] = []
+    still: list[Evidence] = []
     for group in _groups(drive.coupling):
         of_motors, of_joints = [one for one in group if one in motors], [one for one in group if one in joints]
         by_motor = len(group) == 1 or len(of_motors) < len(of_joints) or not of_joints
@@ -78,8 +83,9 @@ def drive_evidence(drive: Drive, names: Sequence[str], suspects: Collection[int]
             return [_joint(one, names, float(_recent(drive, efforts)[one])) for one in of_joints]
         if by_motor:
             elsewhere += [(motors[one], _motor(drive, one, names)) for one in of_motors if _against(drive, one)]
+            still += [_motor(drive, one, names, Strength.LIKELY) for one in of_motors if _pressing(drive, one)]
     first = min((since for since, _ in elsewhere), default=0.0)
-    return [one for since, one in elsewhere if since <= first + _LATER]
+    return [one for since, one in elsewhere if since <= first + _LATER] or still
 
 
 def _speeds(time: FloatArray, positions: FloatArray) -> FloatArray:
@@ -93,7 +99,7 @@ def _stubborn(time: FloatArray, efforts: FloatArray, speeds: FloatArray) -> dict
     follows = (np.abs(efforts) < _LARGE) | (speeds * np.sign(efforts) >= _SLOW)
     recent = time >= time[-1] - _LASTING
     found = {}
-    for axis in np.flatnonzero(follows[recent].mean(axis=0) <= 1.0 - _MOSTLY):
+    for axis in np.flatnonzero(follows[recent].mean(axis=0) <= _FOLLOWS):
         followed = np.flatnonzero(follows[~recent, axis])
         found[int(axis)] = float(time[followed[-1] + 1] if followed.size else time[0])
     return found
@@ -120,7 +126,7 @@ def _turning_by(duty: FloatArray, speed: FloatArray) -> int:
     """Return in how many states a motor turns clearly with a large duty cycle; 0 if it does in too few of all."""
     turns: NDArray[np.bool_] = np.abs(speed) >= _CLEARLY
     with_it = int((turns & (np.abs(duty) >= _LARGE / 2) & (speed * duty > 0)).sum())
-    return with_it if with_it >= max(_FEWEST, _MOSTLY * int(turns.sum())) else 0
+    return with_it if with_it >= max(_FEWEST, _EXCHANGED * int(turns.sum())) else 0
 
 
 def _recent(drive: Drive, values: FloatArray) -> FloatArray:
@@ -154,7 +160,12 @@ def _against(drive: Drive, motor: int) -> bool:
     return turned * float(_recent(drive, drive.duties)[motor]) < 0 and abs(turned) > _WAY
 
 
-def _motor(drive: Drive, motor: int, names: Sequence[str]) -> Evidence:
+def _pressing(drive: Drive, motor: int) -> bool:
+    """Whether a motor stands still at a duty cycle with which it presses hard."""
+    return abs(float(_recent(drive, drive.duties)[motor])) >= _HARD
+
+
+def _motor(drive: Drive, motor: int, names: Sequence[str], strength: Strength = Strength.CERTAIN) -> Evidence:
     duty = float(_recent(drive, drive.duties)[motor])
     turned_by = [names[int(joint)] for joint in np.flatnonzero(drive.coupling[motor])]
     what = f"the motor of {names[motor]}"
@@ -164,7 +175,8 @@ def _motor(drive: Drive, motor: int, names: Sequence[str]) -> Evidence:
         way = _turned(drive, motor)
         text = f"{what} turns against its duty cycle: by {way:+.1f} deg of the joint, at {duty:+.0f} %"
         return Evidence(frozenset({motor}), text, ("does not move", "sign"))
-    return Evidence(frozenset({motor}), f"{what} does not turn at a duty cycle of {duty:+.0f} %", ("does not move",))
+    text = f"{what} does not turn at a duty cycle of {duty:+.0f} %"
+    return Evidence(frozenset({motor}), text, ("does not move",), strength)
 
 
 def _joint(joint: int, names: Sequence[str], effort: float) -> Evidence:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rtf.robot_testing.guard.limits import GuardError
-from rtf.robot_testing.judging.blame import Blame, Evidence, blame
+from rtf.robot_testing.judging.blame import Blame, Evidence, Strength, blame
 from rtf.robot_testing.motion.joints_out_of_limits import exclude_joints_out_of_limits
 from rtf.robot_testing.motion.part import PACE
 from rtf.robot_testing.motion.routines import run_to_end, until
@@ -87,7 +87,7 @@ class JointSwinger:
     def verdict(self, joint: int, outcome: Outcome) -> Blame | None:
         """Return the verdict on a joint by the evidence; None if its swings are complete, and nothing accuses it."""
         name = self.part.names[joint]
-        certain = [one for one in self.evidence if one.certain and joint in one.joints]
+        certain = [one for one in self.evidence if one.strength is Strength.CERTAIN and joint in one.joints]
         if not certain and (doubt := self.in_doubt(joint)):
             return Blame(failed=False, text=f"{name} {doubt}: it cannot be judged")
         if not outcome.complaint:
@@ -100,8 +100,8 @@ class JointSwinger:
         Joints that are excluded already do no more harm: then it is the suspects, too.
         """
         self.evidence += [one for one in found if one not in self.evidence]
-        certain = {joint for one in found if one.certain for joint in one.joints}
-        return certain if any(not self.lost(joint) for joint in certain) else {*suspects}
+        wrong = {joint for one in found if one.strength > Strength.UNCERTAIN for joint in one.joints}
+        return wrong if any(not self.lost(joint) for joint in wrong) else {*suspects}
 
     def begin(self, hold: Callable[[], None]) -> None:
         """Hold all joints, and exclude those that are out of limits.
@@ -212,7 +212,10 @@ class JointSwinger:
         late = _unseen_outcomes(part, unseen) or watch.late(part)
         if late:
             found = stop_evidence(part, None, self.transmission, late=late)
-            found += [_evidence(part, joint, late[joint], certain=joint in unseen) for joint in late]
+            found += [
+                _evidence(part, joint, late[joint], Strength.CERTAIN if joint in unseen else Strength.UNCERTAIN)
+                for joint in late
+            ]
             self.exclude(self._blamed(found, late))
         return failed | {j: self._lost_before(j) for j in going if self.lost(j)} | late
 
@@ -230,10 +233,10 @@ def _unseen_outcomes(part: Part, unseen: dict[int, float]) -> dict[int, Outcome]
     }
 
 
-def _evidence(part: Part, joint: int, outcome: Outcome, *, certain: bool = False) -> Evidence:
+def _evidence(part: Part, joint: int, outcome: Outcome, strength: Strength = Strength.UNCERTAIN) -> Evidence:
     """Return the outcome of a joint as evidence against it."""
     text = f"{part.names[joint]} {outcome.complaint}"
-    return Evidence(frozenset({joint}), text, outcome.findings, certain, outcome.excuse)
+    return Evidence(frozenset({joint}), text, outcome.findings, strength, outcome.excuse)
 
 
 class _Watch:

@@ -1,7 +1,9 @@
 """Evidence on a motion that went wrong, from the last states of the part: whose fault it was.
 
 The states before the guard stopped a joint, or before a joint was found not to have arrived, show which encoders
-disagree, and which motors do not follow. That the guard stopped a joint is evidence, too, but an uncertain one.
+disagree, and which motors do not follow. Where a joint was stopped as soon as the test began, there are none, and those
+after the stop are used: a motor that works against its controller does so then, too. That the guard stopped a joint is
+evidence, too, but an uncertain one.
 """
 
 from __future__ import annotations
@@ -14,21 +16,22 @@ import numpy as np
 
 from rtf.robot.errors import RobotError
 from rtf.robot.extended_state import Field
+from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.guard.transmission import Transmission
-from rtf.robot_testing.judging.blame import Evidence
+from rtf.robot_testing.judging.blame import Evidence, Strength
 from rtf.robot_testing.judging.drive_agreement import Drive, drive_evidence
 from rtf.robot_testing.judging.encoder_agreement import Motion, encoder_evidence
 
 if TYPE_CHECKING:
     from collections.abc import Collection
 
-    from rtf.robot_testing.guard.limits import GuardError
     from rtf.robot_testing.motion.part import Part
 
 #: The time before a stop in which encoders are compared, and motors with their duty cycles, s.
 _COMPARED = 5.0
-#: The least number of states.
+#: The least number of states, and the time for which more are awaited after an earlier stop, s.
 _FEWEST = 10
+_LONGER = 0.3
 _NEEDED = (Field.JOINT_POSITIONS, Field.MOTOR_POSITIONS, Field.DUTY_CYCLES)
 
 
@@ -48,11 +51,23 @@ def stop_evidence(
     with suppress(RobotError):  # then the encoders cannot be compared, and the guard's word counts
         known = transmission or Transmission.read(part.board)
         suspects = late if error is None else [*late, error.joint]
-        found = _by_sensors(part, math.inf if error is None else error.time, known, suspects)
+        until = math.inf if error is None else error.time
+        if len(part.history) < _FEWEST:
+            _wait(part, _LONGER)
+            until = math.inf
+        found = _by_sensors(part, until, known, suspects)
     if error is not None and error.joint >= 0:
         stopped = frozenset({error.joint})
-        found.append(Evidence(stopped, str(error), (error.finding,), certain=False, excuse=error.excuse))
+        found.append(Evidence(stopped, str(error), (error.finding,), strength=Strength.UNCERTAIN, excuse=error.excuse))
     return found
+
+
+def _wait(part: Part, seconds: float) -> None:
+    """Wait for more states. The guard watches, and another joint that it stops is not what is asked about."""
+    end = part.clock.now() + seconds
+    while (left := end - part.clock.now()) > 0:
+        with suppress(GuardError):
+            part.wait(left)
 
 
 def _by_sensors(part: Part, until: float, transmission: Transmission, suspects: Collection[int]) -> list[Evidence]:

@@ -2,15 +2,15 @@
 
 import pytest
 
-from rtf.robot_testing.judging.blame import Evidence, accused, blame
+from rtf.robot_testing.judging.blame import Evidence, Strength, accused, blame
 
-COMPLAINT = Evidence(frozenset({0}), "elbow is late", ("weak",), certain=False)
+COMPLAINT = Evidence(frozenset({0}), "elbow is late", ("weak",), strength=Strength.UNCERTAIN)
 BUSY = "this machine is too busy"
 
 
-def evidence(*joints, certain=True, text="it is broken", excuse=""):
+def evidence(*joints, strength=Strength.CERTAIN, text="it is broken", excuse=""):
     """Evidence against joints."""
-    return Evidence(frozenset(joints), text, ("frozen",), certain, excuse)
+    return Evidence(frozenset(joints), text, ("frozen",), strength, excuse)
 
 
 @pytest.mark.parametrize(
@@ -20,15 +20,17 @@ def evidence(*joints, certain=True, text="it is broken", excuse=""):
         ([evidence(0)], True),
         ([evidence(0, 3)], True),
         ([evidence(1)], False),
-        ([evidence(1), evidence(0, certain=False)], False),
+        ([evidence(1), evidence(0, strength=Strength.UNCERTAIN)], False),
+        ([evidence(1), evidence(0, strength=Strength.LIKELY)], False),
+        ([evidence(1, strength=Strength.LIKELY), evidence(0, strength=Strength.UNCERTAIN)], False),
         ([evidence(1), evidence(0)], True),
-        ([evidence(0, certain=False)], True),
-        ([evidence(1, certain=False)], False),
-        ([evidence(1, certain=False), evidence(0, certain=False)], True),
+        ([evidence(0, strength=Strength.UNCERTAIN)], True),
+        ([evidence(1, strength=Strength.UNCERTAIN)], False),
+        ([evidence(1, strength=Strength.UNCERTAIN), evidence(0, strength=Strength.UNCERTAIN)], True),
     ],
 )
 def test_a_joint_fails_by_the_strongest_evidence(found, failed):
-    """Certain evidence comes before uncertain, and own evidence before that on others."""
+    """Certain evidence comes first, then the likely; among equals own evidence comes before that on others."""
     assert blame(0, COMPLAINT, found).failed is failed
 
 
@@ -44,21 +46,21 @@ def test_a_verdict_says_what_explains_the_complaint():
 def test_a_sentence_is_not_said_twice():
     """A complaint that has the text of its evidence is enough."""
     for joint in (0, 1):
-        text = blame(0, COMPLAINT, [evidence(joint, certain=False, text="elbow is late")]).text
+        text = blame(0, COMPLAINT, [evidence(joint, strength=Strength.UNCERTAIN, text="elbow is late")]).text
         assert text.count("elbow is late") == 1
 
 
-@pytest.mark.parametrize("certain", [True, False])
-def test_an_excuse_keeps_a_joint_from_failing(certain):
+@pytest.mark.parametrize("strength", [*Strength])
+def test_an_excuse_keeps_a_joint_from_failing(strength):
     """It is part of the reason."""
-    verdict = blame(0, COMPLAINT, [evidence(0, certain=certain, excuse=BUSY)])
+    verdict = blame(0, COMPLAINT, [evidence(0, strength=strength, excuse=BUSY)])
     assert not verdict.failed
     assert verdict.text.endswith(f"; but {BUSY}")
 
 
 def test_the_accused_are_those_of_the_strongest_evidence():
     """Uncertain evidence counts only without a certain one."""
-    one, other, doubt = evidence(1, 2), evidence(2), evidence(3, certain=False)
+    one, other, doubt = evidence(1, 2), evidence(2), evidence(3, strength=Strength.UNCERTAIN)
     assert accused([doubt, one, other]) == {1: one, 2: one}
     assert accused([doubt]) == {3: doubt}
     assert accused([]) == {}

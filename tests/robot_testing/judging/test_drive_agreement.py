@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from rtf.robot_testing.judging.blame import Strength
 from rtf.robot_testing.judging.drive_agreement import Drive, drive_evidence
 
 #: A joint of its own, two that share both motors, and another one of its own.
@@ -79,10 +80,13 @@ def test_exchanged_motors_are_recognized(pair):
 
 
 @pytest.mark.parametrize("suspects", [(), (1, 3)])
-def test_a_joint_that_only_stands_still_explains_no_other(suspects):
-    """It carries a load, or is pressed against something; of what it shares motors with it is the cause."""
-    assert evidence([60, 0, 0, 0], [0, 0, 0, 0], suspects) == []
-    assert [one.joints for one in evidence([60, 0, 0, 0], [0, 0, 0, 0], (0,))] == [{0}]
+def test_a_joint_that_only_stands_still_is_a_likely_cause_if_it_presses(suspects):
+    """With less it carries a load; of what it shares motors with it is the cause."""
+    assert evidence([40, 0, 0, 0], [0, 0, 0, 0], suspects) == []
+    (pressing,) = evidence([60, 0, 0, 0], [0, 0, 0, 0], suspects)
+    assert (pressing.joints, pressing.strength) == ({0}, Strength.LIKELY)
+    (own,) = evidence([60, 0, 0, 0], [0, 0, 0, 0], (0,))
+    assert (own.joints, own.strength) == ({0}, Strength.CERTAIN)
     (coupled,) = evidence([0, 60, 0, 0], [0, 0, 0, 0], (2,))
     assert coupled.joints == {1}
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from rtf.robot_testing.judging.blame import Strength
 from rtf.robot_testing.judging.encoder_agreement import Motion, Tolerance, encoder_evidence
 
 #: A joint of its own, two that share both motors, and two of which one is turned by the motor of the other, too.
@@ -58,7 +59,7 @@ def test_a_wrong_joint_encoder_is_found_through_all_of_its_motors(joint, change)
     """Also where it makes the motors of a coupled joint disagree; that one is not accused."""
     (found,) = evidence(changed(JOINTS, joint, CHANGES[change]))
     assert found.joints == {joint}
-    assert found.certain
+    assert found.strength is Strength.CERTAIN
     assert change in found.sentence or "shows 0.0" in found.text
 
 

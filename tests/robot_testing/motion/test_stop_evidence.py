@@ -9,6 +9,7 @@ import pytest
 
 from rtf.robot.errors import RefusedError
 from rtf.robot_testing import GuardError
+from rtf.robot_testing.judging.blame import Strength
 from rtf.robot_testing.motion.stop_evidence import stop_evidence
 
 from ..part_bench import PartBench
@@ -39,7 +40,7 @@ def test_a_healthy_motion_leaves_the_word_of_the_guard(bench: PartBench):
     """It is uncertain, and has the causes of the guard."""
     swing(bench)
     (found,) = stop_evidence(bench.part, STOP)
-    assert (found.joints, found.certain, found.text) == ({1}, False, str(STOP))
+    assert (found.joints, found.strength, found.text) == ({1}, Strength.UNCERTAIN, str(STOP))
     assert found.findings == ("runs away",)
     assert stop_evidence(bench.part) == []
 
@@ -48,7 +49,7 @@ def test_encoders_that_disagree_come_before_the_word_of_the_guard(bench: PartBen
     """The encoder of another joint than the stopped one was frozen."""
     swing(bench, {0: 0.0})
     certain, uncertain = stop_evidence(bench.part, STOP)
-    assert (certain.joints, certain.certain) == ({0}, True)
+    assert (certain.joints, certain.strength) == ({0}, Strength.CERTAIN)
     assert "joint0: its motor moves it by 20.0 deg by its encoder, and the joint's encoder shows 0.0" in certain.text
     assert uncertain.joints == {1}
 
