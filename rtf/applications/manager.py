@@ -139,7 +139,7 @@ class Manager:
             self._begin(unit)
         while any(unit.state in (State.WAITING, State.STARTING) for unit in self.units):
             clock.sleep(_LOOK_AT_STARTS)
-            self._watch_modules()
+            self.watch_modules()
         return all(unit.up for unit in self.units) and not self._ending.is_set() and self._connect_all()
 
     def interrupt(self) -> None:
@@ -239,12 +239,13 @@ class Manager:
 
     def watch_once(self) -> None:
         """Look at modules and connections, report, and begin to restart what is to be restarted."""
-        self._watch_modules()
+        self.watch_modules()
         if clock.monotonic() >= self._look_at_links:
             self._look_at_links = clock.monotonic() + _LOOK_AT_LINKS
             self.links.watch()
 
-    def _watch_modules(self) -> None:
+    def watch_modules(self) -> None:
+        """Look at modules alone."""
         before = [unit for unit in self.units if unit.state in (State.RUNNING, State.UNKNOWN)]
         self.look(LOOK)
         for unit in before:
@@ -293,7 +294,7 @@ class Manager:
     def _note_end(self, unit: Unit) -> bool:
         """Report the end of a module that nobody asked for. Returns whether it waits now to be restarted."""
         ending = unit.place.ending(unit.module.tag)
-        good = ending is not None and ending.good
+        good = ending is not None and ending.exit_status == 0
         unit.reason = ending.how if ending is not None else "its node does not say how"
         last = "".join(f"\n    {line}" for line in ending.lines) if ending is not None else ""
         self._say(Kind.ENDED if good else Kind.FAILED, f"{unit.module} ended: {unit.reason}{last}", unit.module, ending)

@@ -4,7 +4,7 @@ A table per program, by its name without folders::
 
     [iCub_SIM]
     command = "rtf simulator --robot icubSim"    # and the module's own parameters with: parameters = true
-    ready = "/icubSim/head/state:o"              # the port by which it shows that it is ready
+    ready = "/icubSim/simulator/rpc:i"           # the port by which it shows that it is ready
     provides = { YARP_ROBOT_NAME = "icubSim" }   # variables for the tests that use it
 
     [gzclient]
@@ -92,6 +92,7 @@ def substitute(module: Module, table: Mapping[str, Entry]) -> Substituted:
         name=Text(words[0], module.name.location),
         parameters=Text(parameters, module.parameters.location),
         ready=entry.ready,
+        shown=module.command,
     )
     shown = f"{entry.command} {module.parameters if entry.parameters else ''}".rstrip()
     return Substituted(made, f"{module.command} is replaced by: {shown}", provides=entry.provides)

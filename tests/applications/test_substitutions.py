@@ -21,7 +21,8 @@ def test_shipped_table_replaces_programs_of_the_icub():
     found = substitute(Module(Text("iCub_SIM")), table)
     assert found.module.command.startswith(f"{sys.executable} -P -m rtf simulator ")
     assert "--state-rate 50 --camera-rate 60" in found.module.command
-    assert (found.module.ready, found.provides["YARP_ROBOT_NAME"]) == ("/icubSim/head/state:o", "icubSim")
+    assert (found.module.ready, found.provides["YARP_ROBOT_NAME"]) == ("/icubSim/simulator/rpc:i", "icubSim")
+    assert str(found.module) == "iCub_SIM"
     assert found.told.startswith("iCub_SIM is replaced by: rtf simulator --model icub")
     robot = substitute(Module(Text("/opt/bin/yarprobotinterface"), Text("--config a.xml")), table)
     assert robot.module.command == f"{sys.executable} -P -m rtf robotinterface --config a.xml"

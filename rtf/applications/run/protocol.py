@@ -230,9 +230,15 @@ class Ending:
     lines: tuple[str, ...] = ()
 
     @property
-    def good(self) -> bool:
-        """Whether the program says that all went well."""
-        return self.how == "exit status 0"
+    def exit_status(self) -> int | None:
+        """The exit status; None for a program that was killed, or whose end is not known."""
+        word = self.how.removeprefix("exit status ")
+        return int(word) if word.isdigit() else None
+
+    @property
+    def signal(self) -> str:
+        """The signal that killed the program; empty without."""
+        return self.how.partition("killed by ")[2]
 
     def to_bottle(self) -> Bottle:
         """Return the reply as it is sent."""

@@ -63,7 +63,8 @@ class Module:
     ``prefix`` is put before the names of its ports, those of the embedding applications included. ``settle`` are the
     seconds after its start in which it becomes ready, ``farewell`` those before its stop. ``ports`` are pairs of names
     of ports, the second of which replaces the first. ``ready`` is a port by which it shows that it is ready, in place
-    of a fixed time. ``number`` tells modules apart that are the same in all else.
+    of a fixed time. ``number`` tells modules apart that are the same in all else. ``shown`` is its name for people, if
+    that is not the command.
     """
 
     name: Text
@@ -82,6 +83,7 @@ class Module:
     restart: Restart = Restart()
     ready: str = ""
     number: int = 0
+    shown: str = ""
     location: Location = field(default_factory=Location, compare=False)
 
     @property
@@ -98,7 +100,8 @@ class Module:
 
     def __str__(self) -> str:
         """Return the name for people: the program, its first words, and the node."""
-        shown = self.command if len(self.command) <= _SHOWN else f"{self.command[: _SHOWN - 1]}…"
+        shown = self.shown or self.command
+        shown = shown if len(shown) <= _SHOWN else f"{shown[: _SHOWN - 1]}…"
         return shown if self.node == LOCALHOST else f"{shown} on {self.node}"
 
 
