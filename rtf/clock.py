@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 _WALL_OFFSET = time.time() - time.monotonic()
 
 FOREVER = float("inf")
+#: The units of durations, the longer names before those that they end with.
+_UNITS = {"ms": 0.001, "min": 60.0, "s": 1.0, "h": 3600.0}
 
 
 def monotonic() -> float:
@@ -49,6 +51,22 @@ def iso(wall: float, *, milliseconds: bool = True) -> str:
 def local_stamp(wall: float) -> str:
     """Return wall-clock seconds as a sortable local stamp for file names, such as ``20261121-023432``."""
     return time.strftime("%Y%m%d-%H%M%S", time.localtime(wall))
+
+
+def read_duration(text: str) -> float:
+    """Return the seconds of a duration such as ``20``, ``500ms``, ``2min`` or ``1h``. Raises ValueError."""
+    number, factor = text.strip(), 1.0
+    for name, value in _UNITS.items():
+        if number.endswith(name):
+            number, factor = number[: -len(name)], value
+            break
+    try:
+        duration = float(number) * factor
+    except ValueError:
+        raise ValueError(f"{text!r} is no duration; write seconds, or 500ms, 2min, 1h") from None
+    if not 0 < duration < FOREVER:
+        raise ValueError(f"a duration must be positive, not {text}")
+    return duration
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,7 +30,7 @@ export class Rows {
       on: { scroll: () => this.#scrolled(), click: (event) => this.#clicked(event), keydown: (event) => this.#pressed(event) },
     }, this.space);
     this.element.style.setProperty("--row", `${height}px`);
-    new ResizeObserver(() => this.place()).observe(this.element);
+    new ResizeObserver(() => this.#resized()).observe(this.element);
   }
 
   /** Show these items; the top row of the view keeps its place, except at the very top. */
@@ -43,6 +43,11 @@ export class Rows {
     if (this.follow) this.toEnd();
     else if (before >= 0) this.#hold(this.key(anchor), before);
     this.refresh();
+  }
+
+  #resized() {
+    if (this.follow) this.toEnd();
+    this.place();
   }
 
   #hold(key, before) {

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import rtf
 from rtf.cli.command_tree import EXIT_CODES, TESTRUNNER
 from rtf.cli.device import add_device_options
-from rtf.cli.parser import Parser, add_dialect, count, key_value, port, seconds
+from rtf.cli.parser import Parser, add_dialect, add_place_options, count, key_value, seconds
 from rtf.errors import did_you_mean
 
 if TYPE_CHECKING:
@@ -260,16 +260,3 @@ def add_page_options(group: argparse._ArgumentGroup) -> None:
     )
     add_place_options(group)
     group.add_argument("--web-keep", action="store_true", help="leave it up when the run is over, until Ctrl-C")
-
-
-def add_place_options(group: argparse._ActionsContainer) -> None:
-    """Add the options of the address at which a page is served."""
-    group.add_argument(
-        "--web-port", metavar="PORT", type=port, default=8080, help="its port (default 8080; 0: any that is free)"
-    )
-    group.add_argument(
-        "--web-host",
-        metavar="ADDRESS",
-        default="127.0.0.1",
-        help="the address it is served on (default 127.0.0.1: this machine only; 0.0.0.0: every network)",
-    )

@@ -7,8 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtf.cli.arguments import add_place_options
-from rtf.cli.parser import Parser
+from rtf.cli.parser import Parser, add_place_options
 from rtf.testing.reporting import ReportError
 from rtf.testing.verdict import ExitCode
 

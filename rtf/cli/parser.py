@@ -6,11 +6,16 @@ import argparse
 import os
 import sys
 import textwrap
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn, TypeVar
 
+from rtf import clock
 from rtf.errors import RtfError
 from rtf.testing.verdict import ExitCode
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+T = TypeVar("T")
 _LAST_PORT = 65535
 
 
@@ -80,21 +85,20 @@ def key_value(text: str) -> tuple[str, str]:
     return key.strip(), value
 
 
-def seconds(text: str) -> float:
-    """Read a positive duration such as ``20``, ``500ms``, ``2min``."""
-    units = {"ms": 0.001, "min": 60.0, "s": 1.0, "h": 3600.0}
-    number, factor = text.strip(), 1.0
-    for name, value in units.items():
-        if number.endswith(name):
-            number, factor = number[: -len(name)], value
-            break
-    try:
-        duration = float(number) * factor
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no duration; write seconds, or 500ms, 2min, 1h") from None
-    if not 0 < duration < float("inf"):
-        raise argparse.ArgumentTypeError(f"a duration must be positive, not {text}")
-    return duration
+def argument(read: Callable[[str], T]) -> Callable[[str], T]:
+    """Return the reader of an option's value; the message of its ValueError is shown."""
+
+    def convert(text: str) -> T:
+        try:
+            return read(text)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+
+    return convert
+
+
+#: Reads a positive duration such as ``20``, ``500ms``, ``2min``.
+seconds = argument(clock.read_duration)
 
 
 def count(text: str) -> int:
@@ -114,3 +118,16 @@ def port(text: str) -> int:
     if number > _LAST_PORT:
         raise argparse.ArgumentTypeError(f"{text} is no port; the last one is {_LAST_PORT}")
     return number
+
+
+def add_place_options(group: argparse._ActionsContainer) -> None:
+    """Add the options of the address at which a page is served."""
+    group.add_argument(
+        "--web-port", metavar="PORT", type=port, default=8080, help="its port (default 8080; 0: any that is free)"
+    )
+    group.add_argument(
+        "--web-host",
+        metavar="ADDRESS",
+        default="127.0.0.1",
+        help="the address it is served on (default 127.0.0.1: this machine only; 0.0.0.0: every network)",
+    )

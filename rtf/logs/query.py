@@ -3,8 +3,36 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import datetime
 
+from rtf import clock
 from rtf.logs.record import Level
+
+
+def read_level(text: str) -> Level:
+    """Return a level by its name in any case. Raises ValueError, which names all of them."""
+    try:
+        return Level[text.upper()]
+    except KeyError:
+        names = ", ".join(level.name.lower() for level in Level)
+        raise ValueError(f"{text!r} is no level; the levels are {names}") from None
+
+
+def read_moment(text: str) -> float:
+    """Return seconds since 1970: how long ago, such as ``10min``, or a time such as ``2026-11-25T14:00`` of this place.
+
+    Raises ValueError.
+    """
+    try:
+        return clock.now() - clock.read_duration(text)
+    except ValueError:
+        pass
+    try:
+        return datetime.fromisoformat(text).timestamp()
+    except (ValueError, OverflowError):
+        raise ValueError(
+            f"{text!r} is no time; write how long ago, such as 10min, or a time such as 2026-11-25T14:00"
+        ) from None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

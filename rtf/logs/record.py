@@ -68,6 +68,15 @@ class LogRecord(NamedTuple):
         except BottleError:
             return None
 
+    def groups(self) -> dict[str, int | float | str]:
+        """Return ``details`` by key; what cannot be read is under ``text``."""
+        try:
+            groups = [group for group in Bottle.parse(self.details) if isinstance(group, Bottle)]
+        except BottleError:
+            return {"text": self.details}
+        found = [(to_string(group.get(0)), group.get(1)) for group in groups]
+        return {key: value if isinstance(value, int | float | str) else to_string(value) for key, value in found}
+
     def to_text(self) -> str:
         """Return the second string of the message."""
         parts = [f"(level {self.level.name}) (systemtime {float_text(self.time)})"]

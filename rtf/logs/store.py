@@ -11,7 +11,7 @@ import sqlite3
 from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from rtf.errors import RtfError
 from rtf.logs.query import Query
@@ -37,6 +37,8 @@ _REMOVED_PART = 10
 _CHECKPOINT = 4000
 #: Senders whose numbers are remembered.
 _REMEMBERED = 4096
+#: Numbers that one window looks through at most: some tenths of a second.
+SCAN = 100_000
 #: Records of one INSERT. SQLite releases Python's lock once a statement, and gets it back slowly while other threads
 #: compute, so a statement is to do much.
 _ROWS = (250, 25, 1)
@@ -265,12 +267,55 @@ class LogReader(_LogFile):
 
     def newest(self) -> int:
         """Return the number of the newest record, or 0."""
+        return self.ends()[1]
+
+    def ends(self) -> tuple[int, int]:
+        """Return the numbers of the oldest and the newest record; 1 and 0 if there is none."""
         with self._telling():
-            return int(self._connection.execute("SELECT max(number) FROM records").fetchone()[0] or 0)
+            oldest, newest = self._connection.execute(
+                "SELECT (SELECT min(number) FROM records), (SELECT max(number) FROM records)"
+            ).fetchone()
+        return (1, 0) if newest is None else (int(oldest), int(newest))
+
+    def window(self, query: Query, low: int, high: int, count: int, *, newest: bool) -> Window:
+        """Return at most ``count`` wanted records with numbers above ``low``, up to ``high``, from one of the two ends.
+
+        At most :data:`SCAN` numbers are looked through, so a call takes a limited time; the window says which.
+        """
+        if newest:
+            low = max(low, high - SCAN)
+        else:
+            high = min(high, low + SCAN)
+        condition, values = query.condition()
+        sql = (
+            f"{_READ} records.number > ? AND records.number <= ? AND {condition} "
+            f"ORDER BY records.number {'DESC' if newest else 'ASC'} LIMIT ?"
+        )
+        with self._telling():
+            rows = self._connection.execute(sql, (low, high, *values, count)).fetchall()
+        records = [(row[0], row[1], LogRecord(row[2], Level(row[3]), *row[4:])) for row in rows]
+        if newest:
+            records.reverse()
+        if len(records) == count:
+            low, high = (records[0][0] - 1, high) if newest else (low, records[-1][0])
+        return Window(records, low, high)
+
+    def record(self, number: int) -> Stored | None:
+        """Return the record of a number, or None if there is none, or none any more."""
+        found = self.window(Query(), number - 1, number, 1, newest=True).records
+        return found[0] if found else None
 
 
 #: The number of a record, the time of its arrival, and the record.
 Stored = tuple[int, float, LogRecord]
+
+
+class Window(NamedTuple):
+    """A part of a log: all wanted records with numbers above ``low``, up to ``high``, in the order of arrival."""
+
+    records: list[Stored]
+    low: int
+    high: int
 
 
 def _cleaned(record: LogRecord) -> LogRecord:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from starlette.datastructures import Headers
 from starlette.responses import PlainTextResponse
 
-from rtf.page.settings import LOG_NAME, WILDCARDS, Settings, bracketed
+from rtf.page.settings import LOG_NAME, WILDCARDS, bracketed
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -40,18 +40,18 @@ _log = logging.getLogger("rtf.page")
 
 
 class Access:
-    """The names, the origin and the token of a server."""
+    """The names, the origin and the token of a server; without a token nothing can be controlled."""
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, host: str, port: int, token: str = "") -> None:
         names = {"127.0.0.1", "localhost", "::1"}
-        if settings.host not in names:  # deliberately on another address
+        if host not in names:  # deliberately on another address
             node = platform.node().lower()
-            names |= {settings.host.lower(), node, f"{node}.local"} - WILDCARDS
-        ports = {f":{settings.port}", *([""] if settings.port == _HTTP_PORT else [])}
+            names |= {host.lower(), node, f"{node}.local"} - WILDCARDS
+        ports = {f":{port}", *([""] if port == _HTTP_PORT else [])}
         self._hosts = frozenset(bracketed(name) + port for name in names for port in ports)
-        self._any_address = settings.host in WILDCARDS
+        self._any_address = host in WILDCARDS
         self._ports = ports
-        self._token = settings.token.encode()
+        self._token = token.encode()
 
     def knows_host(self, host: str) -> bool:
         """Return whether a Host header names this server. If it listens on every interface, any IP address does."""
@@ -83,9 +83,10 @@ def _is_address(text: str) -> bool:
 class Guard:
     """ASGI middleware that checks access, adds the security headers, and writes errors to the log."""
 
-    def __init__(self, app: ASGIApp, access: Access) -> None:
+    def __init__(self, app: ASGIApp, access: Access, *, log: str = f"{LOG_NAME} in the run folder") -> None:
         self._app = app
         self._access = access
+        self._log = log
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Handle a request."""
@@ -105,7 +106,7 @@ class Guard:
             if begun:
                 raise  # it is logged, and the response ends here
             _log.exception("%s %r", scope["method"], scope["path"])
-            sorry = PlainTextResponse(f"internal error; see {LOG_NAME} in the run folder\n", 500)
+            sorry = PlainTextResponse(f"internal error; see {self._log}\n", 500)
             await sorry(scope, receive, send_guarded)
 
     def _refusal(self, headers: Headers) -> PlainTextResponse | None:

@@ -15,8 +15,9 @@ from starlette.routing import Route, Router
 from rtf.errors import RtfError
 from rtf.page import compare, files
 from rtf.page.access import FILE_POLICY, Access, Guard
-from rtf.page.assets import INDEX, Asset, read_assets
+from rtf.page.assets import INDEX, read_assets
 from rtf.page.errors import FileRefusedError, SeriesError
+from rtf.page.responses import asset_response, json_response, text_response
 from rtf.page.series import pack_file
 from rtf.page.settings import LOG_NAME, Settings
 from rtf.page.status import Status
@@ -68,7 +69,7 @@ class Page:
     """The handlers of the requests."""
 
     def __init__(self, settings: Settings, feed: Feed, command: Command | None) -> None:
-        self.access = Access(settings)
+        self.access = Access(settings.host, settings.port, settings.token)
         self._settings = settings
         self._folder = Path(settings.run_folder)
         self._feed = feed
@@ -82,11 +83,11 @@ class Page:
 
     async def index(self, _request: Request) -> Response:
         """Return the page itself."""
-        return _asset(self._assets.get(INDEX))
+        return asset_response(self._assets.get(INDEX))
 
     async def asset(self, request: Request) -> Response:
         """Return a file of the page."""
-        return _asset(self._assets.get(request.path_params["name"]))
+        return asset_response(self._assets.get(request.path_params["name"]))
 
     async def facts(self, _request: Request) -> Response:
         """Return the facts that the page needs at its start."""
@@ -97,7 +98,7 @@ class Page:
             "history": self._settings.history is not None,
             "run": self._folder.name,
         }
-        return _json(200, facts)
+        return json_response(200, facts)
 
     # The run -----------------------------------------------------------------------------------------------------
 
@@ -107,7 +108,7 @@ class Page:
             return Response(media_type="text/event-stream")
         after = request.headers.get("last-event-id") or request.query_params.get("after") or "0"
         if not (after.isascii() and after.isdigit() and len(after) <= len(str(1 << 62))):
-            return _text(400, "Last-Event-ID must be a number of lines")
+            return text_response(400, "Last-Event-ID must be a number of lines")
         return StreamingResponse(self._stream(int(after)), media_type="text/event-stream")
 
     async def _stream(self, after: int) -> AsyncIterator[bytes]:
@@ -134,7 +135,7 @@ class Page:
 
     async def status(self, _request: Request) -> Response:
         """Return the status for scripts."""
-        return _json(200, await asyncio.to_thread(self._status.read))
+        return json_response(200, await asyncio.to_thread(self._status.read))
 
     # Files and other runs-----------------------------------------------------------------------------------------
 
@@ -145,7 +146,7 @@ class Page:
             async with self._heavy:
                 content = await asyncio.to_thread(pack_file, path)
         except (FileRefusedError, SeriesError) as error:
-            return _text(404, str(error))
+            return text_response(404, str(error))
         return Response(content, media_type=files.OPAQUE)
 
     async def file(self, request: Request) -> Response:
@@ -154,9 +155,9 @@ class Page:
         try:
             path = files.inside(self._folder, name)
         except FileRefusedError as error:
-            return _text(404, str(error))
+            return text_response(404, str(error))
         if path.name == LOG_NAME:
-            return _text(404, "the log of the server is not shown")
+            return text_response(404, "the log of the server is not shown")
         media_type = files.media_type(path)
         size = path.stat().st_size
         headers = {"content-length": str(size), "content-security-policy": FILE_POLICY}
@@ -170,7 +171,7 @@ class Page:
         """Return the records of the run that this one is compared with."""
         run = self._settings.compare
         if run is None:
-            return _text(404, "there is no run to compare with")
+            return text_response(404, "there is no run to compare with")
         async with self._heavy:
             if self._compared is None:
                 self._compared = await asyncio.to_thread(_compared, Path(run))
@@ -180,12 +181,12 @@ class Page:
         """Return the trends of all runs."""
         path = self._settings.history
         if path is None:
-            return _text(404, "there is no history")
+            return text_response(404, "there is no history")
         try:
             async with self._heavy:
                 content = await asyncio.to_thread(_trends, path, self._status)
         except RtfError as error:  # the file was deleted, or is that of another program
-            return _text(404, str(error))
+            return text_response(404, str(error))
         return Response(content, media_type="application/json")
 
     # Control -----------------------------------------------------------------------------------------------------
@@ -237,25 +238,11 @@ class Page:
             return _error(503, "the runner does not answer")
         if "error" in said:
             return _error(409 if said.get("late") else 400, str(said["error"]))
-        return _json(202, {})
-
-
-def _asset(found: Asset | None) -> Response:
-    if found is None:
-        return _text(404, "there is no such page")
-    return Response(found.content, media_type=found.media_type)
-
-
-def _text(status: int, text: str) -> Response:
-    return Response(f"{text}\n".encode(errors="backslashreplace"), status, media_type="text/plain; charset=utf-8")
-
-
-def _json(status: int, value: object) -> Response:
-    return Response(json.dumps(value).encode(), status, media_type="application/json")
+        return json_response(202, {})
 
 
 def _error(status: int, text: str) -> Response:
-    return _json(status, {"error": text})
+    return json_response(status, {"error": text})
 
 
 def _is_text(word: str) -> bool:

@@ -27,11 +27,11 @@ from rtf.page.settings import Settings
 from rtf.testing.journal import FILE_NAME
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from types import FrameType
 
     from starlette.types import ASGIApp
 
-    from rtf.page.journal_feed import Feed
 
 #: Seconds for the clients to receive the rest at the end.
 FAREWELL = 2.0
@@ -82,9 +82,9 @@ class Runner:
 
 
 class Server(uvicorn.Server):
-    """uvicorn's server for an existing listening socket, until ``stopping`` is set."""
+    """uvicorn's server for an existing listening socket, until ``stopping`` is set; then ``end_streams`` is called."""
 
-    def __init__(self, application: ASGIApp, feed: Feed) -> None:
+    def __init__(self, application: ASGIApp, end_streams: Callable[[], object] = lambda: None) -> None:
         super().__init__(
             uvicorn.Config(
                 application,
@@ -104,7 +104,7 @@ class Server(uvicorn.Server):
             )
         )
         self._loop = asyncio.get_running_loop()
-        self._feed = feed
+        self._end_streams = end_streams
         self.stopping = asyncio.Event()
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:  # noqa: ARG002 - uvicorn's signature
@@ -114,7 +114,7 @@ class Server(uvicorn.Server):
     async def main_loop(self) -> None:
         """Wait for the end, without polling; then end the streams of the clients."""
         await self.stopping.wait()
-        self._feed.close_streams()
+        self._end_streams()
 
     async def accept_waiting(self, listener: socket.socket) -> None:
         """Accept the clients that connected before the server was ready."""
@@ -150,7 +150,7 @@ async def serve_run(settings: Settings, listener: socket.socket, channel: socket
     watch = Watch(Path(settings.run_folder) / FILE_NAME, notifier)
     watch.feed.grow()
     runner = Runner(*await asyncio.open_connection(sock=channel, limit=MAX_LINE))
-    server = Server(make_application(settings, watch.feed, runner.command), watch.feed)
+    server = Server(make_application(settings, watch.feed, runner.command), watch.feed.close_streams)
     serving = asyncio.ensure_future(server.serve(sockets=[listener]))
     runner.say({"ready": True})
     listening = asyncio.ensure_future(runner.listen(watch))
@@ -169,7 +169,7 @@ async def serve_folder(settings: Settings, listener: socket.socket) -> None:
     path = Path(settings.run_folder) / FILE_NAME
     watch = Watch(path, None)
     watch.feed.grow()
-    server = Server(make_application(settings, watch.feed, None), watch.feed)
+    server = Server(make_application(settings, watch.feed, None), watch.feed.close_streams)
     serving = asyncio.ensure_future(server.serve(sockets=[listener]))
     while not serving.done():
         if not watch.feed.over and not is_written(path):

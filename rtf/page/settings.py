@@ -41,8 +41,12 @@ class Settings:
     @property
     def address(self) -> str:
         """The address of the page, without the token."""
-        host = platform.node() if self.host in WILDCARDS else self.host
-        return f"http://{bracketed(host)}:{self.port}/"
+        return address_of(self.host, self.port)
+
+
+def address_of(host: str, port: int) -> str:
+    """Return the address of a page; one on every interface has the name of this machine."""
+    return f"http://{bracketed(platform.node() if host in WILDCARDS else host)}:{port}/"
 
 
 def bracketed(host: str) -> str:

@@ -6,7 +6,10 @@ import sqlite3
 from typing import TYPE_CHECKING
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from rtf.logs import store
 from rtf.logs.query import Query
 from rtf.logs.record import Level, LogRecord
 from rtf.logs.store import LEAST_SIZE, LogFileError, LogReader, LogStore
@@ -140,3 +143,39 @@ def test_what_cannot_be_a_log_says_what_to_do(tmp_path: Path, file: Path):
         LogStore(file / "logs.sqlite")
     with pytest.raises(LogFileError, match="the least is 1 MiB"):
         LogStore(tmp_path / "other", max_size=1000)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    levels=st.lists(st.sampled_from(Level), max_size=30),
+    least=st.sampled_from(Level),
+    count=st.integers(1, 7),
+    scan=st.integers(1, 9),
+    newest=st.booleans(),
+)
+def test_windows_side_by_side_are_the_whole_log(
+    tmp_path_factory: pytest.TempPathFactory, levels: list[Level], least: Level, count: int, scan: int, *, newest: bool
+):
+    """Windows from one end to the other have every wanted record once, in order, and each looks through few numbers."""
+    file = tmp_path_factory.mktemp("windows") / "logs.sqlite"
+    put(file, *(LogRecord("/log/vm/one/1", level, float(index), "said") for index, level in enumerate(levels)))
+    query = Query(level=least)
+    parts: list[list[int]] = []
+    with pytest.MonkeyPatch.context() as patch, LogReader(file) as reader:
+        patch.setattr(store, "SCAN", scan)
+        low, high = 0, reader.ends()[1]
+        while low < high:
+            window = reader.window(query, low, high, count, newest=newest)
+            assert 0 < window.high - window.low <= scan
+            assert len(window.records) <= count
+            parts.append([number for number, _, _ in window.records])
+            if newest:
+                parts[-1].reverse()
+                assert window.high == high
+                high = window.low
+            else:
+                assert window.low == low
+                low = window.high
+        wanted = [number for number, _, _ in reader.read(query)]
+    found = [number for part in parts for number in part]
+    assert wanted == (found[::-1] if newest else found)

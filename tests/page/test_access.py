@@ -9,15 +9,12 @@ import pytest
 
 from rtf.page.access import Access
 from rtf.page.application import MAX_BODY
-from rtf.page.settings import Settings
 
 if TYPE_CHECKING:
     from live_page import Answer, LiveRun
 
 
-def settings(host: str = "127.0.0.1", port: int = 8080) -> Settings:
-    """Return the settings of a server at this address."""
-    return Settings(run_folder="/nowhere", host=host, port=port, token="secret")
+PLACE = ("127.0.0.1", 8080, "secret")
 
 
 @pytest.mark.parametrize(
@@ -48,7 +45,7 @@ def settings(host: str = "127.0.0.1", port: int = 8080) -> Settings:
 )
 def test_the_host_header_must_be_ours(host: str, port: int, header: str, *, ours: bool):
     """A host name that does not belong to the server is refused; on all interfaces any address is accepted."""
-    access = Access(settings(host, port))
+    access = Access(host, port)
     assert access.knows_host(header) == ours
     assert access.knows_origin(f"http://{header}") == ours
 
@@ -58,7 +55,7 @@ def test_the_host_header_must_be_ours(host: str, port: int, header: str, *, ours
 )
 def test_other_origins_are_not_ours(origin: str):
     """A sandboxed page, another scheme and another port are other origins."""
-    assert not Access(settings()).knows_origin(origin)
+    assert not Access(*PLACE).knows_origin(origin)
 
 
 @pytest.mark.parametrize(
@@ -78,12 +75,12 @@ def test_other_origins_are_not_ours(origin: str):
 )
 def test_only_the_token_controls(header: str, *, may: bool):
     """Only a header with the exact token allows control."""
-    assert Access(settings()).may_control(header) == may
+    assert Access(*PLACE).may_control(header) == may
 
 
 def test_without_a_token_there_is_no_control():
     """Without a token, as for a finished run, nothing allows control."""
-    access = Access(Settings(run_folder="/nowhere", host="127.0.0.1", port=8080))
+    access = Access("127.0.0.1", 8080)
     assert not access.may_control("Bearer ")
 
 

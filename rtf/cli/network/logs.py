@@ -12,23 +12,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf import clock
-from rtf.bottle import Bottle, BottleError, to_string
 from rtf.cli.network.options import make_network, make_parser
 from rtf.cli.network.terminal import Bell, complain, opened, progress, say
-from rtf.cli.parser import count, seconds
+from rtf.cli.parser import add_place_options, argument, count
 from rtf.logs.collector import Collector
-from rtf.logs.query import Query
+from rtf.logs.query import Query, read_level, read_moment
 from rtf.logs.record import COLLECTOR, Level
 from rtf.logs.store import MAX_SIZE, LogReader, LogStore, default_place
 from rtf.middleware.ports import remote
 from rtf.middleware.wire.contact import Contact
 from rtf.testing.report.text import shown, wants_colour
+from rtf.testing.reporting import ReportError
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
-    from rtf.logs.record import LogRecord
     from rtf.logs.store import Stored
 
 #: Seconds between two looks for new records.
@@ -54,7 +53,7 @@ def logger(words: Sequence[str]) -> ExitCode:
         "logger",
         f"Open {COLLECTOR} and store what programs log, until Ctrl-C. A program of YARP forwards its log when"
         " YARP_FORWARD_LOG_ENABLE=1 is in its environment; 'rtf log' shows what was stored.",
-        "rtf logger\nrtf logger --file lab.sqlite --max-size 1G",
+        "rtf logger\nrtf logger --file lab.sqlite --max-size 1G\nrtf logger --page",
     )
     _add_file(parser, "where to store it")
     parser.add_argument(
@@ -64,6 +63,7 @@ def logger(words: Sequence[str]) -> ExitCode:
         metavar="N",
         help="size of the file, such as 64M or 1G; then the oldest records are removed (default 256M)",
     )
+    _add_page(parser)
     options = parser.parse_args(words)
     network = make_network()
     if remote.exists(network, Contact(COLLECTOR)):
@@ -74,7 +74,7 @@ def logger(words: Sequence[str]) -> ExitCode:
         with opened(partial(Collector, store, network=network, failed=bell.ring)) as collector:
             collector.connect_running()
             say(f"{COLLECTOR} is open; records go to {options.file}")
-            with contextlib.suppress(KeyboardInterrupt):
+            with _served(options), contextlib.suppress(KeyboardInterrupt):
                 bell.wait()
         progress(f"{collector.written} records were written, {collector.dropped} dropped")
         if collector.failure is not None:
@@ -87,22 +87,37 @@ def log(words: Sequence[str]) -> ExitCode:
     parser = make_parser(
         "log",
         "Print what 'rtf logger' has stored, a record a line, or as JSON.",
-        "rtf log --level warning --since 10min\nrtf log --follow --process yarprobotinterface --component yarp.yri",
+        "rtf log --level warning --since 10min\nrtf log --follow --process yarprobotinterface --component yarp.yri\n"
+        "rtf log --page",
     )
     _add_file(parser, "which log")
     parser.add_argument("-f", "--follow", action="store_true", help="go on with the records that come, until Ctrl-C")
-    parser.add_argument("--level", type=_level, default=Level.UNKNOWN, help="trace, debug, info, warning, error, fatal")
+    parser.add_argument(
+        "--level", type=argument(read_level), default=Level.UNKNOWN, help="trace, debug, info, warning, error, fatal"
+    )
     parser.add_argument("--process", default="", metavar="P", help="a program's name, process number or log port")
     parser.add_argument("--host", default="", metavar="H", help="the computer, or the server of yarprun")
     parser.add_argument("--component", default="", metavar="C", help="a component, with those below it")
     parser.add_argument("--text", default="", metavar="T", help="a part of the message")
-    parser.add_argument("--since", type=_since, metavar="T", help="10min, 2h, or a time such as 2026-11-25T14:00")
+    parser.add_argument(
+        "--since", type=argument(read_moment), metavar="T", help="10min, 2h, or a time such as 2026-11-25T14:00"
+    )
     parser.add_argument("--last", type=count, metavar="N", help=f"only the newest (with --follow: {_TAIL})")
     parser.add_argument("--json", action="store_true", help="a JSON object a line")
     parser.add_argument(
         "--color", "--colour", choices=("auto", "always", "never"), default="auto", help="colours (default: a terminal)"
     )
+    _add_page(parser)
     options = parser.parse_args(words)
+    if options.page:
+        with _served(options), contextlib.suppress(KeyboardInterrupt):
+            Bell().wait()
+        return ExitCode.PASSED
+    _print(options)
+    return ExitCode.PASSED
+
+
+def _print(options: argparse.Namespace) -> None:
     query = Query(
         level=options.level,
         process=options.process,
@@ -125,7 +140,21 @@ def log(words: Sequence[str]) -> ExitCode:
             for stored in reader.read(query, after=newest):
                 newest = stored[0]
                 print(write(stored))
-    return ExitCode.PASSED
+
+
+@contextlib.contextmanager
+def _served(options: argparse.Namespace) -> Iterator[None]:
+    """Serve the page of the log while the block runs, if ``--page`` asks for it."""
+    if not options.page:
+        yield
+        return
+    try:
+        from rtf.page.log_page import serve_log
+    except ImportError as error:
+        raise ReportError(f"the web page needs {error.name}: pip install {error.name}") from None
+    with serve_log(options.file, options.web_host, options.web_port) as address:
+        say(f"web page: {address}  (Ctrl-C ends it)")
+        yield
 
 
 def _as_line(stored: Stored, *, coloured: bool) -> str:
@@ -141,18 +170,8 @@ def _as_line(stored: Stored, *, coloured: bool) -> str:
 
 def _as_json(stored: Stored) -> str:
     number, arrived, record = stored
-    named = {**record._asdict(), "level": record.level.name, "details": _details(record)}
+    named = {**record._asdict(), "level": record.level.name, "details": record.groups()}
     return json.dumps({"number": number, "arrived": arrived, **named})
-
-
-def _details(record: LogRecord) -> dict[str, object]:
-    """The other groups of a record by key."""
-    try:
-        groups = [group for group in Bottle.parse(record.details) if isinstance(group, Bottle)]
-    except BottleError:
-        return {"text": record.details}
-    found = {to_string(group.get(0)): group.get(1) for group in groups}
-    return {key: value if type(value) in (int, float, str) else to_string(value) for key, value in found.items()}
 
 
 def _moment(seconds_since_1970: float) -> str:
@@ -164,30 +183,14 @@ def _moment(seconds_since_1970: float) -> str:
     return there.strftime("%Y-%m-%d %H:%M:%S.") + f"{there.microsecond // 1000:03d}"
 
 
+def _add_page(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--page", action="store_true", help="serve it as a page in a browser, with these filters")
+    add_place_options(parser)
+
+
 def _add_file(parser: argparse.ArgumentParser, what: str) -> None:
     place = default_place()
     parser.add_argument("--file", type=Path, default=place, metavar="FILE", help=f"{what} (default {place})")
-
-
-def _level(text: str) -> Level:
-    try:
-        return Level[text.upper()]
-    except KeyError:
-        names = ", ".join(level.name.lower() for level in Level)
-        raise argparse.ArgumentTypeError(f"{text!r} is no level; the levels are {names}") from None
-
-
-def _since(text: str) -> float:
-    try:
-        return clock.now() - seconds(text)
-    except argparse.ArgumentTypeError:
-        pass
-    try:
-        return datetime.fromisoformat(text).timestamp()
-    except (ValueError, OverflowError):
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is no time; write how long ago, such as 10min, or a time such as 2026-11-25T14:00"
-        ) from None
 
 
 def _size(text: str) -> int:

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from typing import TYPE_CHECKING
+from urllib.request import urlopen
 
 import pytest
 
@@ -94,6 +95,19 @@ def test_wrong_words_are_usage_errors(file: str, tmp_path: Path, capsys):
         assert ended.value.code == 4, words
     assert main(RTF, ["log", "--file", str(tmp_path / "none")]) == 1
     assert "'rtf logger' writes one" in capsys.readouterr().err
+
+
+def test_both_commands_serve_the_page(net, tmp_path: Path):
+    """``--page`` prints the address of a page of the log, which is served until the end of the command."""
+    file = str(tmp_path / "lab.sqlite")
+    for name in ("logger", "log"):
+        command = net.start(name, "--file", file, "--page", "--web-port", "0")
+        command.until(lambda command=command: "  (Ctrl-C ends it)\n" in command.stdout, "the address")
+        address = re.search(r"web page: (http://127.0.0.1:\d+/) ", command.stdout)
+        assert address is not None
+        with urlopen(f"{address[1]}records") as answer:
+            assert json.load(answer)["newest"] == 0
+        assert command.end() == 0
 
 
 PROGRAM = """
