@@ -15,7 +15,7 @@ from rtf.applications.ports import Order, ports_of
 from rtf.applications.run.client import RunClient
 from rtf.applications.run.protocol import split_words
 from rtf.applications.substitutions import is_there, substitute, table_of
-from rtf.applications.xml.descriptions import find_description
+from rtf.applications.xml.descriptions import find_computers, find_description
 from rtf.errors import RtfError
 from rtf.middleware.carriers import registry
 from rtf.middleware.ports import remote
@@ -70,6 +70,7 @@ class _Check:
         self._check_twice()
         self._check_arbitrators()
         self._check_openers()
+        self._check_computers()
         if self._network is not None:
             self._check_nodes(self._network)
 
@@ -208,6 +209,23 @@ class _Check:
     def _exists(self, port: str) -> bool:
         return self._network is not None and remote.exists(self._network, Contact(port))
 
+    def _check_computers(self) -> None:
+        """Compare what descriptions need with the machines that are described."""
+        computers = {str(one.name).lstrip("/"): one for one in find_computers(self._folder, self._problems)}
+        for module, description in zip(self._modules, self._descriptions, strict=True):
+            computer = computers.get(module.node.lstrip("/"))
+            if computer is None:
+                continue
+            if computer.disabled:
+                message = f"the machine {module.node} is disabled, by {computer.name.location}"
+                self._problems.error(message, module.node.location, "choose another node")
+            for need in description.needs if description is not None else ():
+                for name, wanted in need.items():
+                    if not _suffices(computer.figures.get(name), wanted):
+                        has = computer.figures.get(name, "not described")
+                        message = f"{module.name} needs {name} {wanted}, which is {has} on {module.node}"
+                        self._problems.error(message, module.node.location, "choose another node")
+
     # The network -------------------------------------------------------------------------------------------------
 
     def _check_nodes(self, network: Network) -> None:
@@ -228,3 +246,11 @@ class _Check:
                 if error is not None:
                     hint = f"start it there: rtf run --server {node}"
                     self._problems.error(str(error), module.node.location, hint)
+
+
+def _suffices(has: str | None, wanted: str) -> bool:
+    """Return whether a figure of a machine is enough: at least the number, or the same word."""
+    try:
+        return has is not None and float(has) >= float(wanted)
+    except ValueError:
+        return has is not None and has.lower() == wanted.lower()

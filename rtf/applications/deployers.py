@@ -44,7 +44,7 @@ _OTHER = re.compile(r"[^0-9A-Za-z]")
 class Surroundings:
     """What all deployers of an application share.
 
-    ``local`` is the network for the own node ``own_name``, ``record`` what an earlier one has left. With ``hold``
+    ``local`` is the network for the own node ``own_name``, ``record`` opens what an earlier one has left. With ``hold``
     modules run on when the manager has ended. ``log`` is the port of the logger for their output, None without.
     ``attached``: another process has the own node, and it is asked by the network. ``told`` gets what is done with
     programs that an earlier manager has left.
@@ -53,7 +53,7 @@ class Surroundings:
     network: Network
     local: Network
     own_name: str
-    record: NodeRecord | None = None
+    record: Callable[[], NodeRecord | None] = lambda: None
     hold: bool = False
     log: str | None = None
     attached: bool = False
@@ -134,7 +134,7 @@ class LocalDeployer(NodeDeployer):
                 surroundings.own_name,
                 network=surroundings.local,
                 log=surroundings.log,
-                record=surroundings.record,
+                record=surroundings.record(),
                 said=self._say,
             )
             self._opening = False

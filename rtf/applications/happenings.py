@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-    from typing import TypeAlias
-
     from rtf.applications.deployers import Deployer
     from rtf.applications.run.protocol import Ending
     from rtf.applications.xml.model import Module
@@ -46,7 +44,7 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Happening:
-    """Something that happened to an application: its kind, a sentence, the module, and the end of its program."""
+    """Something that happened to an application: its kind, a sentence, the tag of the module, how its program ended."""
 
     kind: Kind
     text: str
@@ -93,5 +91,4 @@ class Unit:
         return self.state not in (State.FAILED, State.MISSING) or self.optional
 
 
-if TYPE_CHECKING:
-    Say: TypeAlias = Callable[[Happening], None]
+Say: TypeAlias = Callable[[Happening], None]

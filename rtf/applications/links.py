@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import threading
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from rtf.applications import connections
 from rtf.applications.happenings import Happening, Kind
-from rtf.middleware.errors import MiddlewareError
+from rtf.middleware.errors import MiddlewareError, NameServerError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,12 +19,15 @@ if TYPE_CHECKING:
 
 
 class Links:
-    """The connections of an application. ``said`` is called with what happens to them."""
+    """The connections of an application. ``said`` is called with what happens to them; ``ending`` ends ``watch``."""
 
-    def __init__(self, wanted: Sequence[Connection], network: Network, said: Say) -> None:
+    def __init__(
+        self, wanted: Sequence[Connection], network: Network, said: Say, ending: threading.Event | None = None
+    ) -> None:
         self._wanted = wanted
         self._network = network
         self._said = said
+        self._ending = ending or threading.Event()
         self._made: set[int] = set()
 
     def connect(self, *, last: bool = True) -> bool:
@@ -52,6 +56,9 @@ class Links:
             try:
                 if connections.disconnect(self._network, connection):
                     self._say(Kind.STOPPED, f"{connection} is disconnected")
+            except NameServerError as error:  # which knows nothing of all others either
+                self._say(Kind.FAILED, f"connections are not ended: {error}")
+                return False
             except MiddlewareError as error:
                 done = False
                 self._say(Kind.FAILED, f"{connection} is not disconnected: {error}")
@@ -71,6 +78,8 @@ class Links:
     def watch(self) -> None:
         """Make lost connections again. One whose ports cannot be asked, or are not there, is left as it is."""
         for index in sorted(self._made):
+            if self._ending.is_set():
+                return
             connection = self._wanted[index]
             with suppress(MiddlewareError):
                 there = connections.are_there(self._network, connection)

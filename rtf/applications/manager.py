@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Self
 
 from rtf import clock
 from rtf.applications import connections
-from rtf.applications.deployers import find_deployer, request_of
+from rtf.applications.deployers import LocalDeployer, find_deployer, request_of
 from rtf.applications.errors import ApplicationError
 from rtf.applications.happenings import Happening, Kind, State, Unit
 from rtf.applications.links import Links
@@ -73,6 +73,7 @@ class Manager:
         self._looking: dict[Deployer, Future[None]] = {}
         self._starts: list[Future[None]] = []
         self._look_at_links = 0.0
+        self._linking: Future[None] | None = None
         folder = Path(application.file).parent
         descriptions = [find_description(one.name, folder, DiagnosticLog()) for one in application.modules]
         self._ports = [ports_of(*pair) for pair in zip(application.modules, descriptions, strict=True)]
@@ -80,7 +81,7 @@ class Manager:
         if self._order.circle:
             raise ApplicationError(f"{application.file}: modules wait for each other: {self._order.told(application)}")
         table = table_of(folder)
-        self.links = Links(application.connections, self._network, said)
+        self.links = Links(application.connections, self._network, said, self._ending)
         self._pool = self._make_pool()
         try:
             self.units = [self._unit(index, one, folder, table) for index, one in enumerate(application.modules)]
@@ -95,17 +96,17 @@ class Manager:
         if found.missing:
             return Unit(index, module, None, State.MISSING, reason=found.told, optional=found.optional)
         kind = find_deployer(found.module, folder)
-        key = kind, found.module.node.lstrip("/")
+        key = kind, "" if kind is LocalDeployer else found.module.node.lstrip("/")
         if key not in self._deployers:
             self._deployers[key] = kind(found.module.node, self._surroundings)
         return Unit(index, found.module, self._deployers[key])
 
     def _make_pool(self) -> ThreadPoolExecutor:
-        """Return a pool in which all modules can wait at once, and all nodes be asked."""
-        return ThreadPoolExecutor(2 * len(self.application.modules) + 1, "rtf-app")
+        """Return a pool in which all modules can wait at once, all nodes be asked, and connections be watched."""
+        return ThreadPoolExecutor(2 * len(self.application.modules) + 2, "rtf-app")
 
     def _say(self, kind: Kind, text: str, module: Module | None = None, ending: Ending | None = None) -> None:
-        self._said(Happening(kind, text, "" if module is None else str(module), ending))
+        self._said(Happening(kind, text, "" if module is None else module.tag, ending))
 
     def _fail(self, unit: Unit, reason: str, did: str = "is not up") -> None:
         unit.state, unit.reason = State.FAILED, reason
@@ -240,9 +241,12 @@ class Manager:
     def watch_once(self) -> None:
         """Look at modules and connections, report, and begin to restart what is to be restarted."""
         self.watch_modules()
-        if clock.monotonic() >= self._look_at_links:
+        if self._linking is not None and self._linking.done():
+            self._linking.result()
+            self._linking = None
+        if self._linking is None and clock.monotonic() >= self._look_at_links:
             self._look_at_links = clock.monotonic() + _LOOK_AT_LINKS
-            self.links.watch()
+            self._linking = self._pool.submit(self.links.watch)
 
     def watch_modules(self) -> None:
         """Look at modules alone."""

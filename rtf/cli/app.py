@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import threading
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,7 +16,7 @@ from rtf.testing.verdict import ExitCode, Severity
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from rtf.applications.happenings import Happening
     from rtf.applications.links import Links
@@ -44,7 +45,11 @@ def _load(options: argparse.Namespace) -> Loaded:
 
     path = Path(options.file)
     if not path.exists():
-        path = find_application(options.file, Path.cwd()) or path
+        found = find_application(options.file, Path.cwd())
+        if found is None:
+            print(f"rtf app: there is no application {options.file}; 'rtf app list' shows those here", file=sys.stderr)
+            raise SystemExit(int(ExitCode.USAGE))
+        path = found
     return read_application(path, dict(options.var))
 
 
@@ -56,12 +61,11 @@ def _show(problems: Iterable[Diagnosed]) -> int:
     return sum(one.severity is Severity.ERROR for one in found)
 
 
-def _sound(options: argparse.Namespace) -> Application | None:
-    """Read an application; None if its files have errors, which are printed."""
+def _sound(options: argparse.Namespace) -> Application:
+    """Read an application. If its files have errors they are printed, and the command ends."""
     loaded = _load(options)
     if _show(loaded.diagnostics):
-        print(f"rtf app: {options.file} is not used: 'rtf app check' tells more", file=sys.stderr)
-        return None
+        raise SystemExit(int(ExitCode.USAGE))
     return loaded.application
 
 
@@ -112,8 +116,6 @@ def show(words: Sequence[str]) -> ExitCode:
     parser.add_argument("--xml", action="store_true", help="print its file in order, with all that it has")
     options = parser.parse_args(words)
     application = _sound(options)
-    if application is None:
-        return ExitCode.USAGE
     if options.xml:
         print(to_bytes(read_tree(Path(application.file))).decode(), end="")
         return ExitCode.PASSED
@@ -150,6 +152,8 @@ def list_applications(words: Sequence[str]) -> ExitCode:
     width = max((len(name) for name, _ in listed), default=0)
     for name, file in listed:
         print(f"{name:<{width}}  {file}")
+    if not listed:
+        print(f"rtf app list: there is no application in {', '.join(map(str, places))}", file=sys.stderr)
     return ExitCode.PASSED if listed else ExitCode.FAILURES
 
 
@@ -171,7 +175,14 @@ def _session_path(application: Application, folder: str = "apps") -> Path:
     return record_path(state, f"app_{application.name}", str(place.contact) if place else "")
 
 
-def _make_manager(application: Application, options: argparse.Namespace, *, attached: bool = False) -> Manager:
+def _make_manager(
+    application: Application,
+    *,
+    hold: bool = False,
+    log: str | None = None,
+    patience: float | None = None,
+    attached: bool = False,
+) -> Manager:
     """Return a manager with the node of this machine, or ``attached`` to that of the process that runs it."""
     import re
     import socket
@@ -188,13 +199,13 @@ def _make_manager(application: Application, options: argparse.Namespace, *, atta
         make_network(),
         find_network({**os.environ, "YARP_IP": "127.0.0.1"}),
         f"/app/{word}/{socket.gethostname()}",
-        None if attached else NodeRecord(_session_path(application, "nodes")),
-        hold=getattr(options, "detach", False),
-        log=getattr(options, "log", None),
+        lambda: NodeRecord(_session_path(application, "nodes")),
+        hold=hold,
+        log=log,
         attached=attached,
         told=say,
     )
-    return Manager(application, surroundings, _tell, patience=getattr(options, "timeout", PATIENCE))
+    return Manager(application, surroundings, _tell, patience=PATIENCE if patience is None else patience)
 
 
 def _tell(happening: Happening) -> None:
@@ -227,14 +238,12 @@ def run(words: Sequence[str]) -> int:
     )
     options = parser.parse_args(words)
     application = _sound(options)
-    if application is None:
-        return ExitCode.USAGE
     if not options.detach:
         from rtf.applications.run.keeper import fork_server
 
         code = fork_server(_GRACE)
         if code is not None:
-            return run_to_its_end("rtf app run", lambda _: _clean_up(application, options, code), words)
+            return run_to_its_end("rtf app run", lambda _: _clean_up(application, code), words)
     return run_to_its_end("rtf app run", lambda _: _run(application, options), words)
 
 
@@ -242,37 +251,43 @@ def _run(application: Application, options: argparse.Namespace) -> int:
     from rtf.applications.session import Session
     from rtf.cli.network.terminal import opened, say
 
-    with Session(_session_path(application)), opened(partial(_make_manager, application, options)) as manager:
-        if options.detach and manager.start():
+    make = partial(_make_manager, application, hold=options.detach, log=options.log, patience=options.timeout)
+    with Session(_session_path(application)), opened(make) as manager:
+
+        def run_watched() -> bool:
+            if not manager.start():
+                return False
+            say(f"{application.name} is up")
+            return options.detach or manager.watch()
+
+        good, interrupted = _until_interrupted(manager, run_watched)
+        if options.detach and good and not interrupted:
             say(f"{application.name} runs on; 'rtf app stop {options.file}' stops it")
             return ExitCode.PASSED
-        good = not options.detach and _run_watched(manager)
         return ExitCode.PASSED if _stop(manager) and good else ExitCode.FAILURES
 
 
-def _run_watched(manager: Manager) -> bool:
-    """Start an application and watch it, in a thread: this one waits for signals. Returns whether nothing failed."""
-    from rtf.cli.network.terminal import Bell, say
+def _until_interrupted(manager: Manager, work: Callable[[], bool]) -> tuple[bool, bool]:
+    """Do something in a thread, as this one waits for signals. Return whether all is well, and if a signal came."""
+    from rtf.cli.network.terminal import Bell
 
-    bell, good = Bell(), [False]
+    bell, done, interrupted = Bell(), [False], False
 
-    def work() -> None:
+    def do() -> None:
         try:
-            if manager.start():
-                say(f"{manager.application.name} is up")
-                good[0] = manager.watch()
+            done[0] = work()
         finally:
             bell.ring()
 
-    thread = threading.Thread(target=work, name="rtf-app-run")
+    thread = threading.Thread(target=do, name="rtf-app-run")
     thread.start()
     try:
         bell.wait()
     except KeyboardInterrupt:
-        good[0] = all(unit.good for unit in manager.units)
+        interrupted = True
     manager.interrupt()
     thread.join()
-    return good[0]
+    return all(unit.good for unit in manager.units) if interrupted else done[0], interrupted
 
 
 def _stop(manager: Manager, *, kill: bool = False) -> bool:
@@ -280,7 +295,7 @@ def _stop(manager: Manager, *, kill: bool = False) -> bool:
     return manager.stop(kill=kill)
 
 
-def _clean_up(application: Application, options: argparse.Namespace, code: int) -> int:
+def _clean_up(application: Application, code: int) -> int:
     """Stop what a manager has left on nodes that was killed. In its parent process, which has ended what was here."""
     from rtf.applications.errors import TakenError
     from rtf.applications.session import Session
@@ -293,7 +308,7 @@ def _clean_up(application: Application, options: argparse.Namespace, code: int) 
     with session:
         if session.unfinished:
             complain(f"the manager of {application.name} was killed; what it has left is stopped")
-            with opened(partial(_make_manager, application, options)) as manager:
+            with opened(partial(_make_manager, application)) as manager:
                 _stop(manager)
     return code
 
@@ -312,19 +327,19 @@ def _end(word: str, description: str, words: Sequence[str]) -> ExitCode:
     from rtf.applications.errors import TakenError
     from rtf.applications.session import Session, await_session
     from rtf.cli.network.terminal import opened, say
+    from rtf.testing.isolation.processes import signal_process
 
     options = _parser(word, description).parse_args(words)
     application = _sound(options)
-    if application is None:
-        return ExitCode.USAGE
     path = _session_path(application)
     try:
         session = Session(path)
     except TakenError as taken:
         say(f"process {taken.pid} runs {application.name}, and is asked to stop it")
-        os.kill(taken.pid, signal.SIGKILL if word == "kill" else signal.SIGTERM)
+        if taken.pid:  # else it has just begun, or is about to end
+            signal_process(taken.pid, signal.SIGKILL if word == "kill" else signal.SIGTERM)
         session = await_session(path, _STOPPING)
-    with session, opened(partial(_make_manager, application, options)) as manager:
+    with session, opened(partial(_make_manager, application)) as manager:
         return ExitCode.PASSED if _stop(manager, kill=word == "kill") else ExitCode.FAILURES
 
 
@@ -332,8 +347,6 @@ def connect(words: Sequence[str]) -> ExitCode:
     """Make the connections of an application."""
     options = _parser("connect", "Make the connections of an application whose ports are open.").parse_args(words)
     application = _sound(options)
-    if application is None:
-        return ExitCode.USAGE
     return ExitCode.PASSED if _links(application).connect() else ExitCode.FAILURES
 
 
@@ -341,8 +354,6 @@ def disconnect(words: Sequence[str]) -> ExitCode:
     """End the connections of an application."""
     options = _parser("disconnect", "End the connections of an application.").parse_args(words)
     application = _sound(options)
-    if application is None:
-        return ExitCode.USAGE
     return ExitCode.PASSED if _links(application).disconnect() else ExitCode.FAILURES
 
 
@@ -362,20 +373,15 @@ def status(words: Sequence[str]) -> ExitCode:
 
     options = _parser("status", "How the modules and connections of an application are.").parse_args(words)
     application = _sound(options)
-    if application is None:
-        return ExitCode.USAGE
-    try:
-        session = Session(_session_path(application))
-        attached = False
-    except TakenError:
-        session, attached = None, True
-    try:
-        with opened(partial(_make_manager, application, options, attached=attached)) as manager:
-            manager.look()
-            connected = manager.links.states()
-    finally:
-        if session is not None:
-            session.close()
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(Session(_session_path(application)))
+            attached = False
+        except TakenError:
+            attached = True
+        manager = stack.enter_context(opened(partial(_make_manager, application, attached=attached)))
+        manager.look()
+        connected = manager.links.states()
     for unit in manager.units:
         pid = f" ({unit.pid})" if unit.state is State.RUNNING else ""
         reason = f": {unit.reason}" if unit.reason else ""

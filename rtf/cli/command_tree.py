@@ -130,19 +130,22 @@ _ROBOT = (
     Command("new", "FILE.urdf|.xml", "a draft for a new robot", "rtf.cli.robot:new_robot"),
     Command("test", "ROBOT", "the suites for any robot, on a simulated one", "rtf.cli.robot:test_robot"),
 )
-_APP = tuple(
-    Command(name, "FILE", summary, f"rtf.cli.app:{function}", on_network=on_network)
-    for name, summary, function, on_network in (
-        ("check", "what is wrong in it; nothing is started", "check", True),
-        ("show", "what would be run", "show", False),
-        ("run", "start it, connect its ports, watch, and stop it", "run", False),
-        ("stop", "stop its modules in reverse", "stop", True),
-        ("kill", "kill its modules", "kill", True),
-        ("connect", "make its connections", "connect", True),
-        ("disconnect", "end its connections", "disconnect", True),
-        ("status", "how its modules and connections are", "status", True),
-        ("list", "the applications of files and folders", "list_applications", False),
-    )
+
+
+def _app(name: str, summary: str, *, on_network: bool = True) -> Command:
+    return Command(name, "FILE", summary, f"rtf.cli.app:{name}", on_network=on_network)
+
+
+_APP = (
+    _app("check", "what is wrong in it; nothing is started"),
+    _app("show", "what would be run", on_network=False),
+    _app("run", "start it, connect its ports, watch, and stop it", on_network=False),
+    _app("stop", "stop its modules in reverse"),
+    _app("kill", "kill its modules"),
+    _app("connect", "make its connections"),
+    _app("disconnect", "end its connections"),
+    _app("status", "how its modules and connections are"),
+    Command("list", "[FOLDER ...]", "those in files and folders", "rtf.cli.app:list_applications"),
 )
 #: Runs suites; with --server or --on programs on other machines, as YARP's command of this name does.
 _RUN = "rtf.cli.run_node:run"

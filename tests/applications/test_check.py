@@ -107,6 +107,24 @@ def test_network_is_asked(tmp_path: Path):
     ]
 
 
+def test_machines_are_compared_with_what_programs_need(tmp_path: Path):
+    """A disabled machine is refused, and one with too little; numbers are at least, words the same."""
+    (tmp_path / "resources").mkdir()
+    computer = "<computer><name>{}</name><disable>{}</disable><memory><free>{}</free></memory><os>Linux</os></computer>"
+    rows = [computer.format(*row) for row in (("big", "no", 8), ("small", "no", 2), ("off", "yes", 8))]
+    (tmp_path / "resources" / "lab.xml").write_text(f"<resources>{''.join(rows)}</resources>")
+    (tmp_path / "modules").mkdir()
+    (tmp_path / "modules" / "sleep.xml").write_text(
+        "<module><name>sleep</name><dependencies><computer><memory><free>4</free></memory><os>linux</os></computer>"
+        "</dependencies></module>"
+    )
+    content = "".join(module("sleep", "5", node=node) for node in ("big", "small", "off"))
+    assert [line.partition("error: ")[2] for line in problems(tmp_path, content)] == [
+        "sleep needs memory.free 4, which is 2 on small (choose another node)",
+        f"the machine off is disabled, by {tmp_path}/resources/lab.xml:1:230 (choose another node)",
+    ]
+
+
 @pytest.mark.parametrize(
     ("module_", "port", "opens"),
     [

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import threading
+from contextlib import ExitStack, closing
 from typing import TYPE_CHECKING
 
 import pytest
@@ -16,7 +18,9 @@ from rtf.applications.happenings import Kind, State
 from rtf.applications.run.members import look_at
 from rtf.applications.run.server import RunServer
 from rtf.bottle import Bottle
+from rtf.middleware.naming.client import RemoteNames
 from rtf.middleware.naming.local import LocalNames
+from rtf.middleware.naming.server import NameServer
 from rtf.middleware.ports.buffered import BufferedPort
 from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.port import Port
@@ -56,6 +60,14 @@ def test_modules_run_here_and_on_a_node_and_are_stopped(tmp_path: Path):
         assert run.manager.stop()
         assert not any(map(alive, pids))
         assert run.states() == [State.STOPPED, State.STOPPED]
+
+
+def test_names_of_this_machine_are_one_place(tmp_path: Path):
+    """They share one node, whatever the file calls it."""
+    nodes = ("localhost", "127.0.0.1", socket.gethostname())
+    with lab(application(tmp_path, "".join(module("sleep", "60", node=node) for node in nodes))) as run:
+        assert run.manager.start()
+        assert len({unit.deployer for unit in run.manager.units}) == 1
 
 
 def test_modules_wait_for_ports_and_their_replies(tmp_path: Path):
@@ -271,6 +283,30 @@ def test_connections_are_made_and_made_again(tmp_path: Path):
             assert source.outputs == ()
         assert not run.manager.links.connect()
         assert run.texts(Kind.FAILED) == ["/a -> /b is not connected: one of the ports is not open"]
+
+
+def test_name_server_that_is_restarted_in_the_middle(tmp_path: Path):
+    """Modules here and connections go on; a node is out of sight until the server is back, and nothing is restarted."""
+    content = module("sleep", "60", node="node1") + module("sleep", "61") + ONE_CONNECTION
+    with NameServer() as first, closing(RemoteNames(first.contact, watch=0.05)) as names, ExitStack() as stack:
+        network = Network(names)
+        stack.enter_context(RunServer("/node1", network=network))
+        stack.enter_context(BufferedPort("/b", network=network))
+        source = stack.enter_context(Port("/a", network=network))
+        run = stack.enter_context(lab(application(tmp_path, content), network))
+        assert run.manager.start()
+        first.close()
+        run.manager.watch_once()
+        run.manager.links.watch()
+        assert run.states() == [State.UNKNOWN, State.RUNNING]
+        with NameServer(port=first.contact.port) as second:
+            eventually(lambda: second.names.query("/node1") and second.names.query("/a"), "the ports are not back")
+            eventually(lambda: run.manager.watch_once() or run.states() == [State.RUNNING] * 2, "the node is not back")
+            run.manager.links.watch()
+            assert [output.target.name for output in source.outputs] == ["/b"]
+            assert [one.kind for one in run.said].count(Kind.STARTED) == 2
+            assert [one.kind for one in run.said if one.kind in (Kind.LOST, Kind.BACK)] == [Kind.LOST, Kind.BACK]
+            stack.close()
 
 
 def test_flood_of_output_is_read(tmp_path: Path):

@@ -10,6 +10,7 @@ from rtf.applications.xml.model import Argument, Channel, Computer, Description
 from rtf.applications.xml.tree import read_tree
 from rtf.applications.xml.vocabulary import check
 from rtf.resources import ResourceFinder
+from rtf.resources.finder import Policy
 from rtf.xml_tree import XmlError
 
 if TYPE_CHECKING:
@@ -37,6 +38,18 @@ def find_description(program: str, beside: Path, problems: DiagnosticLog) -> Des
     except XmlError as error:
         problems.error(error.message, error.location, error.hint)
         return None
+
+
+def find_computers(beside: Path, problems: DiagnosticLog) -> list[Computer]:
+    """Return the machines that files in ``resources`` beside the application, or where YARP looks, describe."""
+    found = ResourceFinder(cwd=beside).search("resources", policy=Policy.ALL, directory=True)
+    computers: list[Computer] = []
+    for path in (path for folder in found.paths for path in sorted(folder.glob("*.xml"))):
+        try:
+            computers += read_computers(path, problems)
+        except XmlError as error:
+            problems.error(error.message, error.location, error.hint)
+    return computers
 
 
 def read_description(path: Path, problems: DiagnosticLog) -> Description:

@@ -49,11 +49,9 @@ def write(folder: Path, content: str) -> str:
     return str(path)
 
 
-def three(folder: Path) -> str:
-    """Write an application of two programs here, one of which waits for the other's port, and one on a node."""
-    sink = module(sys.executable, "-m rtf read /app/sink")
-    server = module(sys.executable, "-m rtf rpcserver /app/server", needs("/app/sink"))
-    return write(folder, sink + server + module("sleep", "60", node="node1"))
+def pair(folder: Path) -> str:
+    """Write an application of a program here and one on a node."""
+    return write(folder, module("sleep", "60") + module("sleep", "61", node="node1"))
 
 
 def manager(folder: Path) -> int:
@@ -109,47 +107,43 @@ def test_checked_shown_and_listed(tmp_path: Path, app: Callable):
     assert app("list", str(tmp_path / "state"))[0] == 1
 
 
-def test_run_status_and_stop(net: Net, node: Tool, tmp_path: Path, app: Callable):
-    """An application is up, is asked after and stopped by another process; a second manager is refused."""
-    file = three(tmp_path)
+def test_run_and_status_until_an_interrupt(net: Net, node: Tool, tmp_path: Path, app: Callable):
+    """An application is up, other processes learn so, a second manager is refused; Ctrl-C stops all in reverse."""
+    reader = module(sys.executable, "-m rtf read /app/sink") + module("sleep", "60", needs("/app/sink"), node="node1")
+    file = write(tmp_path, reader)
     tool = up(net, file)
     code, said = app("status", file)
     assert code == 0
     running = pids(said)
-    assert [alive(pid) for pid in running] == [True] * 3
+    assert [alive(pid) for pid in running] == [True] * 2
     second = net.start("app", "run", file)
     assert second.wait() == 1
     assert f"the application is run by process {manager(tmp_path)}; 'rtf app stop' stops it" in second.stderr
-    code, said = app("stop", file)
-    assert code == 0
-    assert tool.wait() == 0
+    assert tool.end(signal.SIGINT) == 0
     assert "sleep 60 on node1 is stopped" in tool.stdout
     assert not any(map(alive, running))
+    assert manager(tmp_path) == 0
     assert app("status", file)[0] == 1
     node.end()
 
 
-@pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGKILL])
-def test_nothing_is_left_when_the_manager_ends(net: Net, node: Tool, tmp_path: Path, app: Callable, signum: int):
-    """Neither here nor on a node: after Ctrl-C, and after the manager was killed, which is told."""
-    file = three(tmp_path)
+def test_nothing_is_left_when_the_manager_is_killed(net: Net, node: Tool, tmp_path: Path, app: Callable):
+    """Its keeper stops all, on nodes, too, and says so."""
+    file = pair(tmp_path)
     tool = up(net, file)
     running = pids(app("status", file)[1])
-    assert len(running) == 3
-    if signum == signal.SIGINT:
-        assert tool.end(signum) == 0
-    else:
-        os.kill(manager(tmp_path), signum)
-        assert tool.wait() == 1
-        assert "the manager of lab was killed; what it has left is stopped" in tool.stderr
+    assert len(running) == 2
+    os.kill(manager(tmp_path), signal.SIGKILL)
+    assert tool.wait() == 1
+    assert "the manager of lab was killed; what it has left is stopped" in tool.stderr
     assert not any(map(alive, running))
     assert manager(tmp_path) == 0
     node.end()
 
 
 def test_modules_left_by_a_manager_and_its_keeper_are_found(net: Net, node: Tool, tmp_path: Path, app: Callable):
-    """Those on a node are found again by their tags by the next manager, and those here are ended by it."""
-    file = three(tmp_path)
+    """The next manager finds those on a node by their tags, and ends those here; ``stop`` stops it and them."""
+    file = pair(tmp_path)
     tool = up(net, file)
     running = pids(app("status", file)[1])
     tool.process.send_signal(signal.SIGSTOP)
@@ -157,16 +151,17 @@ def test_modules_left_by_a_manager_and_its_keeper_are_found(net: Net, node: Tool
     tool.process.kill()
     tool.wait()
     again = up(net, file)
-    assert f"sleep 60 on node1 runs already ({running[2]})" in again.stdout
+    assert f"sleep 61 on node1 runs already ({running[1]})" in again.stdout
     assert "which a node before has left" in again.stdout
-    assert [alive(pid) for pid in running] == [False, False, True]
-    assert again.end() == 0
-    assert not alive(running[2])
+    assert [alive(pid) for pid in running] == [False, True]
+    assert app("stop", file)[0] == 0
+    assert again.wait() == 0
+    assert not alive(running[1])
     node.end()
 
 
 def test_detached_application_outlives_its_manager(net: Net, tmp_path: Path, app: Callable):
-    """Its modules are found again by their tags, asked after, and killed."""
+    """Its modules are found again by their tags, asked after, and killed; an interrupted start leaves nothing."""
     file = write(tmp_path, module("sleep", "61") + shell(tmp_path, "one", "trap '' TERM; while :; do sleep 0.1; done"))
     tool = net.start("app", "run", file, "--detach")
     assert tool.wait() == 0
@@ -179,6 +174,11 @@ def test_detached_application_outlives_its_manager(net: Net, tmp_path: Path, app
     code, said = app("kill", file)
     assert (code, said.count("is killed")) == (0, 2), said
     eventually(lambda: not any(map(alive, running)), "a module is left")
+    waiting = write(tmp_path, module("sleep", "62") + module("sleep", "63", needs("/app/never")))
+    tool = net.start("app", "run", waiting, "--detach")
+    tool.until(lambda: "waits" in tool.stdout and "is started" in tool.stdout, "the start")
+    assert tool.end(signal.SIGINT) == 1
+    assert "sleep 62 is stopped" in tool.stdout
 
 
 def test_start_that_fails_leaves_nothing(net: Net, tmp_path: Path, app: Callable):
