@@ -359,6 +359,14 @@ class RobotTest(TestCase):
         sharing = {*part.guard.coupled_with(joint)}
         return next((f"it shares motors: {one.text}" for one in known if one.joints & sharing), "")
 
+    def disturbed(self, part: Part, joint: int) -> str:
+        """Return what the last states show of another joint, if nothing accuses this one; "" without such evidence.
+
+        A value out of bounds is no fault of a joint that another one shook meanwhile.
+        """
+        wrong = accused(one for one in stop_evidence(part) if one.strength is Strength.CERTAIN)
+        return f"it was disturbed: {next(iter(wrong.values())).text}" if wrong and joint not in wrong else ""
+
     def judge_evidence(self, part: Part, joint: int, complaint: Evidence, found: Sequence[Evidence]) -> None:
         """Judge a joint by a complaint and the evidence on the joints of its part, in its sub-result."""
         with self.subresult(part.names[joint]):

@@ -329,6 +329,8 @@ class StepTest(RobotTest):
         metres = in_metres(self.robot_part.board, joint)
         values = [value.scaled(*converted(metres, value.symbol)) for value in values]
         excuse = late[0] if late else self.explained(self.robot_part, joint)
+        if not excuse and any(value.wrong for value in values):
+            excuse = self.disturbed(self.robot_part, joint)
         judge_values(self, name, values, excuse)
         self._require_visible_step(name, cycles)
 
