@@ -360,12 +360,17 @@ class RobotTest(TestCase):
         return next((f"it shares motors: {one.text}" for one in known if one.joints & sharing), "")
 
     def disturbed(self, part: Part, joint: int) -> str:
-        """Return what the last states show of another joint, if nothing accuses this one; "" without such evidence.
+        """Return what disturbs a joint: another one that is broken or limp; "" if none is, or this joint is accused.
 
-        A value out of bounds is no fault of a joint that another one shook meanwhile.
+        A value out of bounds is no fault of a joint that another one shook meanwhile, or that a limp one carries.
         """
         wrong = accused(one for one in stop_evidence(part) if one.strength is Strength.CERTAIN)
-        return f"it was disturbed: {next(iter(wrong.values())).text}" if wrong and joint not in wrong else ""
+        if joint in wrong:
+            return ""
+        if wrong:
+            return f"it was disturbed: {next(iter(wrong.values())).text}"
+        limp = [] if part.guard is None else [part.names[j] for j in range(part.axes) if part.guard.is_excluded(j)]
+        return f"it was disturbed: without power are {', '.join(limp)}" if limp else ""
 
     def judge_evidence(self, part: Part, joint: int, complaint: Evidence, found: Sequence[Evidence]) -> None:
         """Judge a joint by a complaint and the evidence on the joints of its part, in its sub-result."""
