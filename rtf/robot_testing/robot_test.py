@@ -89,7 +89,8 @@ class RobotTest(TestCase):
     clock: Clock
     _parts: dict[str, Part]
     _slides: Mapping[str, float] = MappingProxyType({})  # metres a degree of prismatic joints of opened parts
-    _evidence: Mapping[str, list[Evidence]] = MappingProxyType({})  # certain evidence of stops, by part
+    _evidence: Mapping[str, list[Evidence]] = MappingProxyType({})  # certain and likely evidence of stops, by part
+    _first_stops: Mapping[str, Evidence] = MappingProxyType({})  # the strongest evidence of the first stop, by part
     _may_move = False
 
     def profile(self, folder: str) -> Iterable[Given]:
@@ -313,14 +314,18 @@ class RobotTest(TestCase):
 
         Those to blame fail in sub-results of their own, whether they are tested or not. The joint itself, if it is not
         among them, is inconclusive, and others that are surely to blame are left without power: they would disturb the
-        next ones, too. ``findings`` are the keys of the likely causes of the joint; by default those of the guard.
+        next ones, too. The first stop of a part explains later ones of other joints about which nothing more is known.
+        ``findings`` are the keys of the likely causes of the joint; by default those of the guard.
         """
         found = stop_evidence(part, error)
         self._note(part, joint, found)
-        self.judge_evidence(part, joint, _complaint(joint, error, findings), found)
-        for other, evidence in accused(found).items():
-            if other != joint:
-                self.judge_evidence(part, other, evidence, found)
+        wrong = accused(found)
+        self._first_stops = {part.name: next(iter(wrong.values())), **self._first_stops}
+        first = self._first_stops[part.name]
+        complaints = {joint: _complaint(joint, error, findings), **{one: wrong[one] for one in wrong if one != joint}}
+        for one, complaint in complaints.items():
+            doubtful = one in wrong and wrong[one].strength is Strength.UNCERTAIN and one not in first.joints
+            self.judge_evidence(part, one, complaint, [first] if doubtful else found)
 
     def _note(self, part: Part, joint: int, found: Sequence[Evidence]) -> None:
         """Remember certain and likely evidence, and exclude those whom it accuses beside a joint."""
