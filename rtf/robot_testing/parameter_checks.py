@@ -29,12 +29,7 @@ def wrong_lists(test: Declared, not_per_joint: Collection[str] = ()) -> list[str
 
     ``not_per_joint`` are the names of other lists. Without named joints the longest list gives their number.
     """
-    values = test.parameter_values()
-    lists = {
-        parameter.key: len(values[name])
-        for name, parameter in test.declarations().items()
-        if parameter.kind == list[float] and name not in not_per_joint and len(values[name]) > 1
-    }
+    lists = {key: len(getattr(test, name)) for name, key in _lists(test, not_per_joint)}
     count, of = joint_count(test), "joints"
     if not count and lists:
         longest = max(lists, key=lambda key: lists[key])
@@ -43,6 +38,32 @@ def wrong_lists(test: Declared, not_per_joint: Collection[str] = ()) -> list[str
         f"{key} has {length} values; give one, or one for each of the {count} {of} ({test.parameter_source(key)})"
         for key, length in lists.items()
         if length != count
+    ]
+
+
+def drop_surplus(test: Declared, not_per_joint: Collection[str] = ()) -> list[str]:
+    """Cut lists of ``.ini`` files that are longer than ``joints``; return a warning for each.
+
+    The C++ tests do so, and some of the files that are used with them have such lists.
+    """
+    count = joint_count(test)
+    warnings = []
+    for name, key in _lists(test, not_per_joint):
+        values, source = getattr(test, name), test.parameter_source(key)
+        if 0 < count < len(values) and source.rpartition(":")[0].endswith(".ini"):
+            setattr(test, name, values[:count])
+            surplus = f"{key} has {len(values)} values for {count} joints; those at its end are ignored"
+            warnings.append(f"{surplus} ({source})")
+    return warnings
+
+
+def _lists(test: Declared, not_per_joint: Collection[str]) -> list[tuple[str, str]]:
+    """Return name and key of each list of numbers with more than one value, but for ``not_per_joint``."""
+    values = test.parameter_values()
+    return [
+        (name, parameter.key)
+        for name, parameter in test.declarations().items()
+        if parameter.kind == list[float] and name not in not_per_joint and len(values[name]) > 1
     ]
 
 

@@ -31,7 +31,7 @@ from rtf.robot_testing.judging.blame import Evidence, Strength, accused, blame, 
 from rtf.robot_testing.judging.real_time_checks import CpuPressure, overload
 from rtf.robot_testing.motion.part import Part
 from rtf.robot_testing.motion.stop_evidence import stop_evidence
-from rtf.robot_testing.parameter_checks import refuse, wrong_lists
+from rtf.robot_testing.parameter_checks import drop_surplus, refuse, wrong_lists
 from rtf.robot_testing.robot_name import ROBOT_VARIABLE, robot_model, robot_name
 from rtf.robot_testing.slides import as_text, converted, open_board, slides_of
 from rtf.robot_testing.thresholds import thresholds_for
@@ -110,6 +110,8 @@ class RobotTest(TestCase):
 
     def check_parameters(self, folder: str) -> None:
         super().check_parameters(folder)
+        if "joints" in self.declarations():
+            self.parameter_warnings = (*self.parameter_warnings, *drop_surplus(self, self.not_per_joint))
         refuse(self, self.parameter_problems())
 
     def parameter_problems(self) -> list[str]:

@@ -1,5 +1,7 @@
 """Checks of the parameters of robot tests before a robot is used."""
 
+from pathlib import Path
+
 import pytest
 
 from rtf.robot_testing.joints_test import JointsTest
@@ -78,3 +80,18 @@ def test_swapped_ends_are_reported():
     swapped, same = given(joints="(0 1 2)", min="(0 5 5)", max="(9 -5 5)").parameter_warnings
     assert swapped == "max: element 1 is -5, below that of min, 5: the joint moves to its lower end first (<parameter>)"
     assert same == "max: element 2 is 5, equal to that of min: the joint does not move (<parameter>)"
+
+
+def test_surplus_values_of_a_file_are_ignored(tmp_path: Path):
+    """Files of the C++ tests have them; a warning says so, and too few values are an error all the same."""
+    (tmp_path / "arm.ini").write_text("joints (0 1)\nhome (1 2 3)\nspeed (5)\nmatrix (1 2 3 4)\n", encoding="utf-8")
+    test = Swings()
+    test.resolve_parameters(param="--from arm.ini", folder=str(tmp_path))
+    assert test.home == [1.0, 2.0]
+    assert test.matrix == [1.0, 2.0, 3.0, 4.0]
+    (warning,) = test.parameter_warnings
+    assert warning.startswith("home has 3 values for 2 joints; those at its end are ignored (")
+    assert warning.endswith("arm.ini:2)")
+    (tmp_path / "arm.ini").write_text("joints (0 1 2)\nhome (1 2)\n", encoding="utf-8")
+    with pytest.raises(ParameterError, match="home has 2 values"):
+        Swings().resolve_parameters(param="--from arm.ini", folder=str(tmp_path))

@@ -12,7 +12,7 @@ from rtf.testing.suite.xml import load_suite
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-FOLDER = Path(__file__).parents[2] / "data" / "suites" / "icub"
+FOLDER = Path(__file__).parents[2] / "data" / "upstream" / "suites"
 PARTS = ("right_arm", "left_arm", "right_leg", "left_leg", "torso", "head")
 DRIFT_PARTS = ("left_arm", "right_arm", "left_leg", "right_leg", "torso")
 
@@ -34,20 +34,54 @@ LIMITS = per_part("JointLimits", "joint_limits")
 STICTION = per_part("MotorStiction", "motor_stiction")
 FACE_HEAD = runs("MotorEncodersConsistency", "motorEncodersConsistency_face", "motorEncodersConsistency_head")
 FT = per_part("FtSensorTest", "test_ft", ("left_arm", "left_foot", "left_leg", "right_arm", "right_foot", "right_leg"))
+CARTESIAN = [
+    (f"CartesianControl{kind}Test", f"--arm-type {arm}")
+    for kind in ("SimpleP2pMovement", "ReachingTolerance")
+    for arm in ("left", "right")
+]
+GAZE = [("GazeControlSimpleLookTest", "")]
 
 SUITES = {
     "basics-icubGazeboSim.xml": ("Basic Tests Suite", "--robotname icubSim --context icubGazeboSim", FT),
     "basics-icubSim.xml": ("Basic Tests Suite", "--robotname icubSim", CAMERAS + STREAM),
-    "camera-icub.xml": ("Basic Camera Tests Suite", "--robotname icub", CAMERAS),
-    "cartesian-control-icubSim.xml": (
-        "Cartesian Control Tests Suite",
+    "camera-icubSim.xml": (
+        "Basic Camera Tests Suite",
         "--robotname icubSim",
-        [
-            (f"CartesianControl{kind}Test", f"--arm-type {arm}")
-            for kind in ("SimpleP2pMovement", "ReachingTolerance")
-            for arm in ("left", "right")
-        ],
+        runs("PortsFrequency", "cam_stream") + CAMERAS,
     ),
+    "cartesian-control-icubGazeboSim.xml": ("Cartesian Control Tests Suite", "--robotname icubSim", CARTESIAN),
+    "gaze-control-icubSim.xml": ("Gaze Control Tests Suite", "--robotname icubSim", GAZE),
+    "gaze-control-icubGazeboSim.xml": ("Gaze Control Tests Suite", "--robotname icubSim", GAZE),
+    "controlModes.xml": (
+        "Control modes Tests Suite",
+        "--robotname icub",
+        per_part("ControlModes", "controlModes", ("head", "face", "left_leg")),
+    ),
+    "encoders-icubGazeboSim.xml": (
+        "Encoders Test Suite",
+        "--robotname icubSim",
+        per_part(
+            "MotorEncodersConsistency",
+            "optical_encoders_consistency",
+            ("left_arm", "right_arm", "left_leg", "right_leg", "torso"),
+        ),
+    ),
+    "ftSensorTests.xml": ("ft sensor tests", "--robotname icub", FT),
+    "imu.xml": ("IMU sensor test", "--robotname icub --context icub", runs("imu", "test_imu")),
+    "imu-icubGazeboSim.xml": ("IMU sensor test", "--robotname icubSim --context icub", runs("imu", "test_imu")),
+    "positionDirect-icubSim.xml": (
+        "Position Direct Test Suite",
+        "--robotname icub",
+        runs("PositionDirect.so", "positionDirect"),
+    ),
+    "streamingChecks.xml": ("robot's stream frequency test", "--robotname icub", STREAM),
+    "torqueStiffDampCheck_example.xml": (
+        "Motor Control Interfaces Suite",
+        "--robotname icub",
+        runs("TorqueControlStiffDampCheck", "torque_stiffDampCheck_elbown"),
+    ),
+    "camera-icub.xml": ("Basic Camera Tests Suite", "--robotname icub", CAMERAS),
+    "cartesian-control-icubSim.xml": ("Cartesian Control Tests Suite", "--robotname icubSim", CARTESIAN),
     "demoRedBall-icubSim.xml": (
         "Demo Red Ball Test Suite",
         "--robotname icubSim",
@@ -102,7 +136,7 @@ SUITES = {
         "--robotname icubSim",
         CAMERAS + STREAM + MOTOR_TESTS + LIMITS + STICTION,
     ),
-    "example-test_suit.xml": ("Test Suite", "", [("ExampleTest", f"--name Example{n}") for n in range(1, 5)]),
+    "../example/suit/test_suit.xml": ("Test Suite", "", [("ExampleTest", f"--name Example{n}") for n in range(1, 5)]),
 }
 DASHES_IN_COMMENTS = {
     "basics-icubGazeboSim.xml",
@@ -117,6 +151,10 @@ DASHES_IN_COMMENTS = {
 FIXTURES = {
     "basics-icubGazeboSim.xml": ("yarpmanager", "--fixture icubgazebosim-fixture.xml"),
     "basics-icubSim.xml": ("yarpmanager", "--fixture icubsim-fixture.xml"),
+    "camera-icubSim.xml": ("yarpmanager", "--fixture icubsim-fixture.xml"),
+    "cartesian-control-icubGazeboSim.xml": ("yarpmanager", "--fixture icubgazebosim-cartesian-control-fixture.xml"),
+    "gaze-control-icubSim.xml": ("yarpmanager", "--fixture icubsim-cartesian-control-fixture.xml"),
+    "gaze-control-icubGazeboSim.xml": ("yarpmanager", "--fixture icubgazebosim-cartesian-control-fixture.xml"),
     "cartesian-control-icubSim.xml": ("yarpmanager", "--fixture icubsim-cartesian-control-fixture.xml"),
     "demoRedBall-icubSim.xml": ("yarpmanager", "--fixture icubsim-demoRedBall-fixture.xml"),
     "encoders-icubSim.xml": ("yarpmanager", "--fixture icubsim-fixture.xml"),
@@ -124,13 +162,14 @@ FIXTURES = {
     "motors-icubGazeboSim.xml": ("yarpmanager", "--fixture icubgazebosim-fixture.xml"),
     "jenkins/basics-icubSim.xml": ("yarpmanager", "--fixture icubsim-fixture-jenkins.xml"),
     "skinWrapper-YarpPluginFixture.xml": ("yarpplugin", "--devices fakeAnalogSensor analogServer skinWrapper"),
-    "example-test_suit.xml": ("ExampleFixture", "--probability 0.5"),
+    "../example/suit/test_suit.xml": ("ExampleFixture", "--probability 0.5"),
 }
 
 
 def test_every_sample_is_listed_here():
     """Every sample is checked."""
-    assert set(SUITES) == {path.relative_to(FOLDER).as_posix() for path in FOLDER.rglob("*.xml")}
+    found = {path.relative_to(FOLDER).as_posix() for path in [*FOLDER.glob("*.xml"), *FOLDER.glob("jenkins/*.xml")]}
+    assert set(SUITES) == {*found, "../example/suit/test_suit.xml"}
 
 
 @pytest.mark.parametrize("file", SUITES)
