@@ -61,8 +61,8 @@ class SimulatedBattery(Device, IBattery):
         """Discharge the battery by the present current since the last call, and measure."""
         seconds, self._measured_at = now - self._measured_at, now
         boards = self.simulation.boards
-        duties = boards.motor_duties()
-        voltage, current = self._electrical(float((duties * duties * boards.amperes).sum()) / FULL_DUTY)
+        drawn = boards.motor_duties() * boards.motors.drawn() / FULL_DUTY
+        voltage, current = self._electrical(float(np.maximum(drawn, 0.0).sum()))
         self.left = max(0.0, self.left - current * seconds / (self.capacity * math.prod(self.weaknesses)))
         reading = self._measured(voltage, current)
         for fault in self.faults:

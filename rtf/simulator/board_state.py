@@ -18,6 +18,7 @@ from rtf.robot.extended_state import ExtendedState, Field
 from rtf.robot.interfaces import JointType, MotorTorqueParameters
 from rtf.simulator.controller import JointControllers
 from rtf.simulator.fair_lock import FairLock
+from rtf.simulator.motors import Motors
 from rtf.simulator.plant import TIMESTEP
 from rtf.simulator.position_gains import FULL, position_pids
 from rtf.simulator.setpoints import SetpointBlocks
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
 AMBIENT = 25.0  # °C
 _HEATING = 40.0  # °C above ambient after a long time at nominal current
 _TOO_HOT = 90.0
-_SUPPLY = 40.0  # V
 #: The greatest impedance, as multiples of the default; beyond it a loop with 1 ms sampling is not stable.
 _STIFFEST = 10.0
 STEPS_A_SECOND = round(1 / TIMESTEP)
@@ -53,7 +53,7 @@ class BoardState(MotorBoard, BoardDriver):
     lock: FairLock
     trajectories: SetpointBlocks
 
-    def __init__(self, plant: Plant, data: Any) -> None:
+    def __init__(self, plant: Plant, data: Any, seed: int = 0) -> None:
         self.plant = plant
         self.axes: tuple[Axis, ...] = plant.robot.axes
         self.data = data
@@ -63,7 +63,7 @@ class BoardState(MotorBoard, BoardDriver):
         self.scale = np.array([1.0 if axis.prismatic else _DEGREES for axis in self.axes], dtype=np.float64)
         self._length: FloatArray = data.actuator_length
         self._speed: FloatArray = data.actuator_velocity
-        self._ctrl: FloatArray = data.ctrl
+        self.motors = Motors(plant, data, seed)
         self._exerts: FloatArray = data.actuator_force
         self._hastens: FloatArray = data.qacc
         self._jacobian = plant.jacobian
@@ -71,7 +71,6 @@ class BoardState(MotorBoard, BoardDriver):
         # Active faults: functions that change their arguments. Empty in a healthy robot.
         self.encoder_faults: list[Callable[[FloatArray, FloatArray, float], None]] = []
         self.motor_encoder_faults: list[Callable[[FloatArray, FloatArray, float], None]] = []
-        self.motor_faults: list[Callable[[FloatArray, float], None]] = []
         self.current_faults: list[Callable[[FloatArray, float], None]] = []
         self.torque_faults: list[Callable[[FloatArray, float], None]] = []
         self.plant_faults: list[Callable[[float], None]] = []
@@ -84,7 +83,8 @@ class BoardState(MotorBoard, BoardDriver):
     def connect(self, configuration: Property) -> list[BoardAxis]:
         """Return the axes: the hardware is the simulation."""
         del configuration
-        return board_axes(self.axes, self.plant.inertia, self.plant.unit.factors("gain", 3, len(self.axes)))
+        factors = self.plant.unit.factors("gain", 3, len(self.axes))
+        return board_axes(self.axes, self.plant.inertia, self.motors.damping(), factors)
 
     def update(self) -> None:
         """Do nothing: the simulation keeps the state up to date."""
@@ -99,15 +99,11 @@ class BoardState(MotorBoard, BoardDriver):
         self._home = home
         super().set_up(axes, couplings)
         self.targets[:] = self.direct[:] = home
-        self.newton_metres = self.max_torque / FULL  # a per cent of duty cycle
-        self.amperes = self.peak_current / FULL  # likewise
+        self.newton_metres = self.max_torque / FULL  # a per cent of a controller's output
         self.gearbox = self.configured_gearbox.copy()  # as built; that of the configuration can be wrong
         self.joint_to_motor = self.configured_couplings.copy()
         #: Degrees of each rotor a radian, or a metre, of each joint.
         self._turns = self.gearbox[:, None] * self.joint_to_motor * np.where(self.scale == 1.0, _TURN, _DEGREES)
-        #: Factors from duty cycles of motors to those of joints, and back.
-        self._drive = (np.sign(self.gearbox)[:, None] * self.joint_to_motor).T
-        self._undrive = np.linalg.inv(self._drive)
         self._ticks_a_radian = self.resolution * self.scale
         zeros = self.plant.unit.zeros(self.axes) * self.resolution
         self._zeros = zeros if zeros.any() else None  # offsets of the encoders, ticks
@@ -115,10 +111,10 @@ class BoardState(MotorBoard, BoardDriver):
         self.temperature = np.full(count, AMBIENT)
         self.heat = _HEATING / self.nominal_current**2
         self.limit_slack = np.zeros(count)  # how far a faulty board lets joints go beyond them
-        self.controllers = JointControllers(self._ctrl)
+        self.controllers = JointControllers(self.motors.wanted)
         self._ticks = np.rint(home * self.resolution)
         self._measured_speed = self._speed  # rad/s; those of the physics engine, unless an encoder is faulty
-        self._driven: FloatArray | None = None  # the torques that the boards commanded, where motors gave others
+        self._powered = np.ones(count)  # 0 of an axis whose mode has no power
         self._encoder_shift: FloatArray | None = None
         self._motor_shift = np.zeros(count)
         self._scratch = np.empty(count)
@@ -181,8 +177,7 @@ class BoardState(MotorBoard, BoardDriver):
     @property
     def output(self) -> FloatArray:
         """The outputs of the controllers (per cent of duty cycle, of the joint)."""
-        torque = self._ctrl if self._driven is None else self._driven
-        output: FloatArray = torque / self.newton_metres
+        output: FloatArray = self.motors.wanted / self.newton_metres
         np.minimum(output, FULL, out=output)  # twice as quick as clip
         return np.maximum(output, -FULL, out=output)
 
@@ -207,16 +202,19 @@ class BoardState(MotorBoard, BoardDriver):
         return torques
 
     def motor_currents(self) -> FloatArray:
-        """The currents of the motors (A), with the signs of their duty cycles."""
-        currents = self.motor_duties() * self.amperes
+        """The readings of the current sensors (A), with the signs of the duty cycles."""
+        currents = self.motors.sensed(self.tick)
         for fault in self.current_faults:
             fault(currents, self.now)
+        step = self.motors.current_step
+        currents /= step
+        np.rint(currents, out=currents)
+        currents *= step
         return currents
 
     def motor_duties(self) -> FloatArray:
-        """The duty cycles of the motors (per cent)."""
-        duties: FloatArray = self._undrive @ self.output
-        return duties
+        """The duty cycles of the motors (per cent); 0 of those without power."""
+        return self.motors.duties(self._powered)
 
     def motor_motion(self) -> tuple[FloatArray, FloatArray]:
         """Angles of the rotors (deg), as their encoders count them, and their speeds (deg/s)."""
@@ -255,10 +253,8 @@ class BoardState(MotorBoard, BoardDriver):
         shot[3], shot[4] = self.motor_motion()
         np.dot(self._turns, hastens, out=shot[5])
         shot[6] = self.measured_torques()
-        shot[7] = duties = self.motor_duties()
-        currents = np.multiply(duties, self.amperes, out=shot[8])
-        for fault in self.current_faults:
-            fault(currents, self.now)
+        shot[7] = self.motor_duties()
+        shot[8] = self.motor_currents()
         state.temperatures[:] = self.temperature
 
     def shift_encoders(self, axes: NDArray[np.intp], values: FloatArray) -> None:
@@ -279,21 +275,22 @@ class BoardState(MotorBoard, BoardDriver):
         self._motor_shift[axes] += values - self.motor_motion()[0][axes]
 
 
-def board_axes(axes: Sequence[Axis], inertia: FloatArray, factors: FloatArray) -> list[BoardAxis]:
+def board_axes(axes: Sequence[Axis], inertia: FloatArray, damping: FloatArray, factors: FloatArray) -> list[BoardAxis]:
     """Return the configuration of the boards of these axes, with gains for their inertia (kg m²).
 
-    ``factors`` of the gains kp, kd and ki have the shape (3, axes).
+    ``damping`` is that by their motors (Nm s/rad). ``factors`` of the gains kp, kd and ki have the shape (3, axes).
     """
     return [
         _board_axis(axis, pid._replace(kp=pid.kp * kp, kd=pid.kd * kd, ki=pid.ki * ki))
-        for axis, pid, (kp, kd, ki) in zip(axes, position_pids(axes, inertia), factors.T.tolist(), strict=True)
+        for axis, pid, (kp, kd, ki) in zip(axes, position_pids(axes, inertia, damping), factors.T.tolist(), strict=True)
     ]
 
 
 def _board_axis(axis: Axis, pid: Pid) -> BoardAxis:
     newton_metres = axis.max_torque / FULL  # a per cent of duty cycle
-    # A tenth of the stiffness of the position loop, and its critical damping.
-    stiffness, damping = pid.kp * newton_metres / 10.0, pid.kd * newton_metres / math.sqrt(10.0)
+    # A tenth of the stiffness of the position loop, and its critical damping, that of the motor included.
+    stiffness = pid.kp * newton_metres / 10.0
+    damping = (pid.kd + pid.feedforward) * newton_metres / math.sqrt(10.0)
     return BoardAxis(
         name=axis.name,
         kind=JointType.PRISMATIC if axis.prismatic else JointType.REVOLUTE,
@@ -307,7 +304,7 @@ def _board_axis(axis: Axis, pid: Pid) -> BoardAxis:
         peak_current=axis.peak_current,
         max_current=axis.overload_current,
         temperature_limit=_TOO_HOT,
-        supply_voltage=_SUPPLY,
+        supply_voltage=axis.drive.supply,
         torque_controlled=axis.torque_control,
         pid=pid,
         torque_parameters=MotorTorqueParameters(ktau=1.0 / newton_metres),

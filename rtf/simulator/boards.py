@@ -13,6 +13,7 @@ import numpy as np
 
 from rtf.bottle import Property
 from rtf.robot.control_modes import HOLDING_MODES, POWERLESS, ControlMode, InteractionMode
+from rtf.robot.extended_state import Field
 from rtf.simulator.board_state import AMBIENT, BoardState
 from rtf.simulator.controller import INTEGRATION
 from rtf.simulator.plant import TIMESTEP
@@ -33,8 +34,8 @@ _THERMAL_TIME = 600.0  # s
 class Boards(BoardState):
     """The motor boards. Not thread-safe: used by the simulation's loop, or by a command between two steps."""
 
-    def __init__(self, plant: Plant, data: Any) -> None:
-        super().__init__(plant, data)
+    def __init__(self, plant: Plant, data: Any, seed: int = 0) -> None:
+        super().__init__(plant, data, seed)
         self._prepare()
 
     def _prepare(self) -> None:
@@ -47,12 +48,11 @@ class Boards(BoardState):
         self._compliant: NDArray[np.intp] | None = None
         self._torquing: NDArray[np.intp] | None = None
         self._exerted = np.zeros(count)  # the torques commanded in the last step
-        self._powered = np.ones(count)  # 0 of an axis whose mode has no power
         for axis in range(count):
             self.configure(axis)
         for axis, torque in enumerate(self.gravity().tolist()):
             self.controllers.set_integral(axis, torque)
-        self._ctrl[:] = self.controllers.integral  # so that the robot is held before the first step, too
+        self.motors.rest(self.controllers.integral)  # so that the robot is held before the first step, too
 
     def reset(self) -> None:
         """Reset all states and settings; the physics have been reset to home."""
@@ -70,8 +70,9 @@ class Boards(BoardState):
         self.controllers.step(self.tick, self.trajectories, self._ticks, self._measured_speed)
         if self._special:
             self._correct()
-        if self.motor_faults or self.plant_faults or self._driven is not None:
-            self._disturb()
+        self.motors.step(self.tick)
+        for change in self.plant_faults:
+            change(self.now)
         self.tick += 1
         if not self.tick % SLOW:
             self.supervise()
@@ -96,27 +97,13 @@ class Boards(BoardState):
         if self._limited:
             self.controllers.limit_torque()
 
-    def _disturb(self) -> None:
-        """Apply the faults of motors and mechanics to the torques."""
-        now = self.now
-        self._driven = None
-        if self.motor_faults:
-            self._driven = self._ctrl.copy()
-            driven = self.motor_duties()
-            for fault in self.motor_faults:
-                fault(driven, now)
-            np.multiply(self._drive @ driven, self.newton_metres, out=self._ctrl)
-        for change in self.plant_faults:
-            change(now)
-
     # Supervision ------------------------------------------------------------------------------------------------
 
     def supervise(self) -> None:
         """Check the motors, warm them, and do what all boards do."""
         self.controllers.clip_integral(self._max_integral)
+        self._heat(self.motors.drawn())
         currents = self.motor_currents()
-        np.abs(currents, out=currents)
-        self._heat(currents)
         currents *= self._powered  # the motor of an idle joint may help to hold the joints that are coupled to it
         self.check_motors(currents, self.temperature)
         super().supervise()
@@ -187,37 +174,51 @@ class Boards(BoardState):
             self._exerted[axis] = self.torques[axis]
         self.controllers.set_integral(axis, held if self.controllers.ki[axis] else 0.0)
 
+    def _effort(self, axis: int, before: ControlMode, field: Field) -> float:
+        """Return the present torque, or the current without the noise of its sensor."""
+        if field is Field.CURRENTS and before not in POWERLESS:
+            return float(self.motors.current[axis])
+        return super()._effort(axis, before, field)
+
     def configure(self, axis: int) -> None:
         mode = ControlMode(int(self.mode[axis]))
         self._powered[axis] = mode not in POWERLESS
         pid, torque = self.pids[axis], float(self.newton_metres[axis])
-        kp = kd = ki = bias = 0.0  # Nm/deg, Nm s/deg, Nm/deg/s, Nm
-        limit = FULL
+        kp = kd = ki = bias = ahead = 0.0  # Nm/deg, Nm s/deg, Nm/deg/s, Nm, Nm s/deg
+        limit, voltage = FULL, False
         if mode in POWERLESS:
             pass
         elif mode is ControlMode.TORQUE:
             bias = 0.0 if self._expired[axis] else float(self.torques[axis])
         elif mode is ControlMode.CURRENT:
-            bias = self._joint_duty(axis, mode, self.currents / self.amperes) * torque
+            bias = self._torque_by_motors(axis, mode, self.currents)
         elif mode is ControlMode.PWM:
-            bias, limit = self._joint_duty(axis, mode, self.duties) * torque, float(self.duty_limit[axis])
+            bias, voltage = self._torque_by_motors(axis, mode, self.motors.blocked_currents(self.duties)), True
         elif not self.pid_enabled[axis]:
             pass
         elif self.interaction[axis] == InteractionMode.COMPLIANT:
             kp, kd, bias = float(self.stiffness[axis]), float(self.damping[axis]), float(self.impedance_offset[axis])
         else:
-            kp, kd, ki, bias = (number * torque for number in (pid.kp, pid.kd, pid.ki, pid.offset))
-            limit = min(abs(pid.max_output), float(self.duty_limit[axis]))
+            gains = pid.kp, pid.kd, pid.ki, pid.offset, pid.feedforward
+            kp, kd, ki, bias, ahead = (number * torque for number in gains)
+            limit, voltage = abs(pid.max_output), bool(self.motors.by_voltage[axis])
         self._max_integral[axis] = (_TORQUE_TRIM if mode is ControlMode.TORQUE else abs(pid.max_integral)) * torque
-        self._put(axis, kp, kd, ki, bias, limit * torque)
+        self._put(axis, (kp, kd, ki, bias, ahead), limit * torque)
+        self.motors.feed(
+            axis, voltage=voltage, duty=float(self.duty_limit[axis]), peak=abs(float(self.peak_current[axis]))
+        )
         self._note_special_axes()
 
-    def _put(self, axis: int, kp: float, kd: float, ki: float, bias: float, limit: float) -> None:
-        """Set the parameters of a controller, converted to its units."""
+    def _put(self, axis: int, parameters: tuple[float, float, float, float, float], limit: float) -> None:
+        """Set the parameters of a controller, converted to its units: kp, kd, ki, bias and feedforward."""
+        kp, kd, ki, bias, ahead = parameters
+        if ahead:
+            kd = max(kd, _LEAST_SHARE * abs(ahead))  # as the feedforward is a share of it
         controllers, ticks = self.controllers, float(self.resolution[axis])
         controllers.kp_kd[:, axis] = kp / ticks, kd * float(self.scale[axis])
         controllers.ki[axis] = ki / ticks * TIMESTEP * INTEGRATION
         controllers.set_bias(axis, bias)
+        self.trajectories.lead(axis, 1.0 + ahead / kd if ahead else 1.0, self.tick)
         controllers.limit[axis] = limit
         if not ki and self.mode[axis] != ControlMode.TORQUE:
             controllers.set_integral(axis, 0.0)
@@ -232,10 +233,10 @@ class Boards(BoardState):
         self._limited = bool((self.controllers.limit < FULL * self.newton_metres).any())
         self._special = self._limited or self._stiction or bool(compliant.any() or torquing.any())
 
-    def _joint_duty(self, axis: int, mode: ControlMode, duties: FloatArray) -> float:
-        """Return the duty cycle of a joint whose motors are driven directly; a coupled joint sums those of several."""
+    def _torque_by_motors(self, axis: int, mode: ControlMode, currents: FloatArray) -> float:
+        """Return the torque of a joint by the motors that are driven directly, of which coupled joints have several."""
         driven = self.mode == mode
-        return float(self._drive[axis] @ np.where(driven & ~self._expired, duties, 0.0))
+        return float(self.motors.torques_of(np.where(driven & ~self._expired, currents, 0.0))[axis])
 
     def write(self, setpoints: Setpoints, modes: NDArray[np.int32]) -> None:
         """Set the efforts of the controllers, which follow the positions by themselves."""
@@ -244,8 +245,9 @@ class Boards(BoardState):
         for mode in (ControlMode.PWM, ControlMode.CURRENT):
             driven = modes == mode
             if driven.any():
-                duties = setpoints.duty_cycles if mode is ControlMode.PWM else setpoints.currents / self.amperes
-                torques = (self._drive @ np.where(driven, duties, 0.0)) * self.newton_metres
+                blocked = mode is ControlMode.PWM
+                currents = self.motors.blocked_currents(setpoints.duty_cycles) if blocked else setpoints.currents
+                torques = self.motors.torques_of(np.where(driven, currents, 0.0))
                 for axis in np.flatnonzero(driven).tolist():
                     self.controllers.set_bias(axis, float(torques[axis]))
 
@@ -281,4 +283,5 @@ class Boards(BoardState):
 
 _DRIVEN = frozenset({ControlMode.TORQUE, ControlMode.CURRENT, ControlMode.PWM})
 _TORQUE_INTEGRAL = 5.0  # 1/s
+_LEAST_SHARE = 1e-6
 _TORQUE_TRIM = 50.0  # per cent

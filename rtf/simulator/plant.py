@@ -4,7 +4,8 @@ The robot's root is fixed in the air.
 
 :func:`build` makes a model whose actuators are the axes of a :class:`~rtf.robot.model.RobotModel`, in that order:
 
-``data.ctrl``               torque at each axis (Nm; N of a prismatic one), limited to that of the drive
+``data.ctrl``               torque at each axis (Nm; N of a prismatic one), limited to that of the drive; in a
+                            simulation, by its motors alone (:mod:`rtf.simulator.motors`)
 ``data.actuator_length``    position of each axis (rad, m)
 ``data.actuator_velocity``  speed of each axis (rad/s, m/s)
 ``data.actuator_force``     torque that the drive gives (Nm, N)
@@ -18,8 +19,7 @@ Mechanical faults change arrays of the model at run time:
 a jam, stiction      ``model.dof_frictionloss[Plant.dofs[i]]``, Nm at the joint; in a simulation, which has a dry
                      friction of its own (:mod:`rtf.simulator.friction`), what is added to that
 viscous friction     ``model.dof_damping[Plant.dofs[i]]``
-a weak or cut drive  ``model.actuator_gainprm[i, 0]``, 1 when healthy, 0 when cut, -1 when it turns the wrong way. Not
-                     the gear: that scales the position, too
+a motor              not here, but ``Motors.faults`` of :mod:`rtf.simulator.motors`
 a payload            ``model.body_mass[...]``, and ``data.xfrc_applied`` for a push
 ===================  ==================================================================================================
 """

@@ -37,6 +37,7 @@ class SetpointBlocks(Trajectories):
         super().__init__(positions, minimum, maximum, step)
         self._scale = np.broadcast_to(np.asarray(scales[0], dtype=np.float64), positions.shape)
         self._speed_scale = np.broadcast_to(np.asarray(scales[1], dtype=np.float64), positions.shape)
+        self._lead = np.ones(len(positions))
         self.begin = begin
         self._positions = np.empty((BLOCK, len(positions)))
         self._velocities = np.empty((BLOCK, len(positions)))
@@ -50,7 +51,13 @@ class SetpointBlocks(Trajectories):
         self.begin = begin
         positions, velocities, _ = self._evaluate(np.arange(begin, begin + BLOCK), slice(None))
         np.multiply(positions, self._scale, out=self._positions)
-        np.multiply(velocities, self._speed_scale, out=self._velocities)
+        np.multiply(velocities, self._speed_scale * self._lead, out=self._velocities)
+
+    def lead(self, axis: int, factor: float, now: float) -> None:
+        """Multiply the speeds of an axis in the blocks, for a controller that adds a share of the setpoint's speed."""
+        if self._lead[axis] != factor:
+            self._lead[axis] = factor
+            self._changed(np.array([axis]), now)
 
     def _changed(self, axes: NDArray[np.intp], now: float) -> None:
         """Compute the rest of the block again for axes with a new trajectory."""
@@ -58,4 +65,4 @@ class SetpointBlocks(Trajectories):
         if row < BLOCK:
             positions, velocities, _ = self._evaluate(np.arange(self.begin + row, self.begin + BLOCK), axes)
             self._positions[row:, axes] = positions * self._scale[axes]
-            self._velocities[row:, axes] = velocities * self._speed_scale[axes]
+            self._velocities[row:, axes] = velocities * (self._speed_scale[axes] * self._lead[axes])

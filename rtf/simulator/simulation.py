@@ -46,7 +46,7 @@ class Simulation:
         self.random = np.random.default_rng(seed)
         self.data: Any = plant.data()
         self.friction = DryFriction(plant, self.data)
-        self.boards = Boards(plant, self.data)
+        self.boards = Boards(plant, self.data, seed)
         self.friction.reset()
         self.lock = self.boards.lock
         self.on_reset: list[Callable[[], None]] = []

@@ -37,7 +37,7 @@ SPREADS = {
     "inertia": Spread(0.05, "share of the inertia of each link and of each rotor"),
     "friction": Spread(0.30, "share of the dry and of the viscous friction of each joint"),
     "gain": Spread(0.10, "share of each gain of the position controllers"),
-    "torque constant": Spread(0.08, "share of the torque of each drive"),
+    "torque constant": Spread(0.08, "share of the torque constant of each motor"),
     "zero": Spread(0.3, "offset of each joint's encoder, deg, or of a slide's encoder, mm"),
     "mounting": Spread(0.5, "rotation of each sensor about each of its axes, deg"),
 }
@@ -86,7 +86,6 @@ def vary(model: Any, unit: Unit, axes: Sequence[Axis], jacobian: FloatArray, sen
     model.dof_armature *= inertias[bodies:]
     model.dof_frictionloss *= frictions[0]
     model.dof_damping *= frictions[1]
-    model.actuator_gainprm[:, 0] *= unit.factors("torque constant", model.nu)
     quaternions = [model.site(name).quat for name in sensors] + list(model.cam_quat)
     for quaternion, angles in zip(quaternions, unit.draw("mounting", len(quaternions), 3), strict=True):
         _turn(quaternion, np.radians(angles))

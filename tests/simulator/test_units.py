@@ -44,7 +44,6 @@ def test_units_differ_within_the_spreads():
         ("body_inertia", 0.05),
         ("dof_armature", 0.05),
         ("dof_frictionloss", 0.3),
-        ("actuator_gainprm", 0.08),
     ):
         usual, drawn = (np.asarray(getattr(each.model, what))[moving] for each in (nominal, one))
         ratios = drawn[usual > 0] / usual[usual > 0]
@@ -53,6 +52,16 @@ def test_units_differ_within_the_spreads():
         assert np.array_equal(np.asarray(getattr(again.model, what))[moving], drawn)
         assert not np.array_equal(np.asarray(getattr(other.model, what))[moving], drawn)
     assert np.array_equal(one.inertia, nominal.inertia)  # for which the controllers are made
+
+
+def test_the_motors_of_units_have_other_torque_constants():
+    """By up to 8 %, which the boards do not know: as much less or more of torque, and of induced voltage."""
+    nominal, unit = (simulated(number).boards.motors for number in (0, 1))
+    ratios = np.diag(unit._to_torques) / np.diag(nominal._to_torques)
+    assert np.all((np.abs(ratios - 1.0) <= 0.08) & (ratios != 1.0))
+    assert np.diag(unit._to_voltages) / np.diag(nominal._to_voltages) == pytest.approx(ratios)
+    currents = np.array([1.0, 2.0])
+    assert unit.torques_of(currents).tolist() == nominal.torques_of(currents).tolist()
 
 
 def test_a_unit_is_at_home_by_its_encoders():

@@ -43,6 +43,14 @@ class Motor(Table, frozen=True):
     nominal_current: Positive  # A
     peak_current: Positive  # A
     overload_current: Positive  # A, beyond which the drive switches off
+    #: Whether the amplifier controls the current, or only sets a voltage; see :mod:`rtf.robot.model.drives`, also for
+    #: what follows from the joint if it is not given.
+    drive: Literal["voltage", "current"] = "current"
+    supply: Positive | None = None  # V
+    torque_constant: Positive | None = None  # Nm/A, of the rotor
+    resistance: Positive | None = None  # Ohm, of the winding
+    current_noise: NotNegative = 0.005  # of the current sensor, a share of the peak current, standard deviation
+    current_step: Positive = 0.001  # A, of the current sensor
 
 
 class Joint(Table, frozen=True):
@@ -51,6 +59,9 @@ class Joint(Table, frozen=True):
     limits: tuple[float, float] | None = None  # configured
     max_velocity: Positive | None = None
     max_torque: Positive | None = None
+    motor_torque: Positive | None = (
+        None  # of the motor behind its gear, where coupled motors add up; default: max_torque
+    )
     gearbox: float | None = None
     motor: str | None = None
     encoder_resolution: Positive | None = None  # ticks a unit

@@ -20,6 +20,7 @@ import msgspec
 import numpy as np
 
 from rtf.errors import did_you_mean
+from rtf.robot.model.drives import drive_of
 from rtf.robot.model.errors import RobotModelError
 from rtf.robot.model.file import CouplingBlock, Joint, PartTable, RobotFile, ThresholdTable
 from rtf.robot.model.names import DEFAULT_ROBOT, FILE, ROBOT_MODEL_VARIABLE
@@ -266,12 +267,14 @@ class _Reading:
             self._fail(keys, f"{name}: degree is for prismatic joints, and this one turns")
         degree = _first(value("degree"), SHARE * (limits[1] - limits[0])) if prismatic else math.radians(1.0)
         speed = described.max_velocity if described else None
+        fastest = _first(value("max_velocity", speed), _SLIDE if prismatic else _FALLBACK.max_velocity)
+        motor_torque = _first(given.motor_torque, torque)
         return Axis(
             part=part,
             name=name,
             minimum=float(limits[0]),
             maximum=float(limits[1]),
-            max_velocity=_first(value("max_velocity", speed), _SLIDE if prismatic else _FALLBACK.max_velocity),
+            max_velocity=fastest,
             max_torque=torque,
             gearbox=gearbox,
             encoder_resolution=_first(
@@ -285,6 +288,7 @@ class _Reading:
             nominal_current=motor.nominal_current,
             peak_current=motor.peak_current,
             overload_current=motor.overload_current,
+            drive=drive_of(motor, torque=motor_torque, speed=fastest, gearbox=gearbox, prismatic=prismatic),
             torque_control=_first(value("torque_control"), False),
             ratio=ratio,
             prismatic=prismatic,

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from rtf.robot.model.drives import Drive
     from rtf.robot.model.file import Bench, Body, ForceTorque, GuardTable, Sensors
     from rtf.robot.model.workspace import Workspace
 
@@ -46,6 +47,7 @@ class Axis:
     nominal_current: float  # A
     peak_current: float  # A
     overload_current: float  # A, beyond which the drive switches off
+    drive: Drive  # of the motor of its number
     torque_control: bool  # whether the joint has torque sensing, and can be compliant
     ratio: float  # units of the axis a unit of its joint in the description
     prismatic: bool

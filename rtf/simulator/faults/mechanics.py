@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from typing import TYPE_CHECKING
 
 from rtf.simulator.faults.base import AxisFault, Layer, Parameter
 
 if TYPE_CHECKING:
-    from rtf.robot.interfaces import FloatArray
+    from rtf.simulator.motors import Windings
 
 
 class AddedFriction(AxisFault):
@@ -83,58 +84,57 @@ class Push(AxisFault):
         self.simulation.data.qfrc_applied[self.simulation.plant.dofs[self.axis]] = self._before
 
 
-class _MotorFault(AxisFault):
-    """A fault in the conversion of a motor's output (per cent) to torque."""
+class MotorFault(AxisFault):
+    """A fault of a motor's circuit."""
 
     layer = Layer.MOTOR
 
     def begin(self) -> None:
-        self.boards.motor_faults.append(self.drive)
+        self.boards.motors.faults.append(self.change)
+        self.boards.motors.refresh()
 
     def end(self) -> None:
-        self.boards.motor_faults.remove(self.drive)
+        self.boards.motors.faults.remove(self.change)
+        self.boards.motors.refresh()
 
-    def drive(self, output: FloatArray, now: float) -> None:
-        """Change the output (per cent) in place."""
-        raise NotImplementedError
+    @abstractmethod
+    def change(self, windings: Windings) -> None:
+        """Change the circuits in place."""
 
 
-class MotorDead(_MotorFault):
-    """Motor without torque."""
+class MotorDead(MotorFault):
+    """Motor without current."""
 
     kind = "motor_dead"
     description = "The motor does not turn: a broken cable, or a dead amplifier."
-    symptom = "The joint falls, or stays, at any output."
+    symptom = "The joint falls, or stays, at any output, and the motor has no current."
 
-    def drive(self, output: FloatArray, now: float) -> None:
-        del now
-        output[self.axis] = 0.0
+    def change(self, windings: Windings) -> None:
+        windings.conductances[self.axis] = 0.0
 
 
-class MotorWeak(_MotorFault):
+class MotorWeak(MotorFault):
     """Motor with a part of its torque."""
 
     kind = "motor_weak"
-    description = "The motor gives only a part of its torque."
-    symptom = "It needs more output for the same load, and is slow under load."
+    description = "The motor gives only a part of its torque, as its magnets have lost their strength."
+    symptom = "It needs more current and more output for the same load, and is slow under load."
     parameters = (Parameter("share", 0.3, "", "the part of the torque that is left", 0.0, 1.0, healthy=1.0),)
     share: float
 
-    def drive(self, output: FloatArray, now: float) -> None:
-        del now
-        output[self.axis] *= self.share
+    def change(self, windings: Windings) -> None:
+        windings.constants[self.axis] *= self.share
 
 
-class MotorSign(_MotorFault):
+class MotorSign(MotorFault):
     """Motor that turns the wrong way."""
 
     kind = "motor_sign"
     description = "The motor turns the wrong way: two of its wires are exchanged."
     symptom = "The joint runs away from its target into a limit."
 
-    def drive(self, output: FloatArray, now: float) -> None:
-        del now
-        output[self.axis] = -output[self.axis]
+    def change(self, windings: Windings) -> None:
+        windings.constants[self.axis] *= -1.0
 
 
 class MotorOvercurrent(AxisFault):
@@ -148,14 +148,10 @@ class MotorOvercurrent(AxisFault):
     current: float
 
     def begin(self) -> None:
-        self.boards.current_faults.append(self._draw)
+        self.boards.motors.short_circuits[self.axis] += self.current
 
     def end(self) -> None:
-        self.boards.current_faults.remove(self._draw)
-
-    def _draw(self, currents: FloatArray, now: float) -> None:
-        del now
-        currents[self.axis] += self.current
+        self.boards.motors.short_circuits[self.axis] -= self.current
 
 
 KINDS = (Jam, Friction, Push, MotorDead, MotorWeak, MotorSign, MotorOvercurrent)

@@ -8,6 +8,7 @@ import numpy as np
 
 from rtf.robot.errors import RefusedError
 from rtf.simulator.faults.base import AxisFault, Layer, Parameter
+from rtf.simulator.faults.mechanics import MotorFault
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from rtf.robot.interfaces import FloatArray
+    from rtf.simulator.motors import Windings
 
 
 class _Swapped(AxisFault):
@@ -98,24 +100,16 @@ class MotorEncodersSwapped(_Swapped):
         self.swap(velocity)
 
 
-class MotorsSwapped(_Swapped):
+class MotorsSwapped(_Swapped, MotorFault):
     """Exchanged motors."""
 
     kind = "motors_swapped"
-    layer = Layer.MOTOR
     description = "The connectors of two motors are exchanged: each amplifier drives the motor of the other."
     symptom = "A joint that is commanded stands still, and another one moves."
 
-    def begin(self) -> None:
-        self.boards.motor_faults.append(self.drive)
-
-    def end(self) -> None:
-        self.boards.motor_faults.remove(self.drive)
-
-    def drive(self, output: FloatArray, now: float) -> None:
-        """Change the duty cycles of the motors (per cent) in place."""
-        del now
-        self.swap(output)
+    def change(self, windings: Windings) -> None:
+        """Exchange the motors of both amplifiers."""
+        windings.connected[self.axes] = windings.connected[self.axes[::-1]]
 
 
 KINDS = (EncodersSwapped, MotorEncodersSwapped, MotorsSwapped)
