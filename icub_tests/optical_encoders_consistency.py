@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _SWUNG = 1.0
 #: Share of the greatest speed above which a joint certainly moves in one direction.
 _SURELY = 0.3
-#: Share of the greatest duty cycle above which a motor certainly pushes in one direction; and the fewest states of
+#: Share of the greatest effort above which a motor certainly pushes in one direction; and the fewest states of
 #: each.
 _PUSHING, _FEWEST = 0.1, 10
 #: Ratios of known mistakes: an extra stage of 75/50.
@@ -48,14 +48,17 @@ _FAST, _ASIDE = 0.5, 5
 
 
 class _Data(NamedTuple):
-    """The states of swings, one after the other: times (s), and arrays (states, axes) in deg, deg/s and %."""
+    """The states of swings, one after the other: times (s), and arrays (states, axes) in deg and deg/s.
+
+    See :attr:`rtf.robot_testing.motion.trace.Trace.efforts`.
+    """
 
     time: FloatArray
     joints: FloatArray
     motors: FloatArray
     joint_speeds: FloatArray
     motor_speeds: FloatArray
-    duties: FloatArray
+    efforts: FloatArray
 
 
 class _Swing(NamedTuple):
@@ -296,8 +299,8 @@ class OpticalEncodersConsistency(JointsTest):
     def _judge_residual(self, joint: int, data: _Data, left: FloatArray) -> bool:
         """Judge play and noise; return whether both are small enough to judge speeds and delays."""
         name = self.robot_part.names[joint]
-        speeds, duties = data.joint_speeds[:, joint], data.duties[:, joint]
-        play = max(_two_sided(left, speeds, _SURELY), _two_sided(left, duties, _PUSHING))
+        speeds, efforts = data.joint_speeds[:, joint], data.efforts[:, joint]
+        play = max(_two_sided(left, speeds, _SURELY), _two_sided(left, efforts, _PUSHING))
         hint = f"{name}: the motor leads by {self.shown(play)} from side to side; {likely_causes('backlash')}"
         self.measure("play", play, "deg", high=self.backlash, hint=hint)
         rms = float(np.sqrt(np.mean((left - np.median(left)) ** 2)))
@@ -367,7 +370,7 @@ class OpticalEncodersConsistency(JointsTest):
 def _joined(traces: list[Trace]) -> _Data:
     """Concatenate the states of traces; empty traces are left out."""
     traces = [trace for trace in traces if len(trace)]
-    names = ("time", "positions", "motor_positions", "velocities", "motor_velocities", "duty_cycles")
+    names = ("time", "positions", "motor_positions", "velocities", "motor_velocities", "efforts")
     return _Data(*(np.concatenate([getattr(trace, name) for trace in traces]) for name in names))
 
 

@@ -23,7 +23,7 @@ SUITE = "".join([
     entry("position-too-short", "PositionControlAccuracy", **TORSO, step_duration=0.6),
     entry("external", "PositionControlAccuracyExternalPid", **NECK),
     entry("external-late", "PositionControlAccuracyExternalPid", "latency /icubSim/head/stateExt:o", **NECK),
-    entry("external-weak", "PositionControlAccuracyExternalPid", **NECK, Kp=0.01),
+    entry("external-weak", "PositionControlAccuracyExternalPid", **NECK, Kp=0.01, Ki=0.03),
     entry("torque", "TorqueControlAccuracy", **TORSO),
     entry("torque-scale", "TorqueControlAccuracy", "torque_scale torso_yaw factor=0.5", **TORSO),
     entry("torque-head", "TorqueControlAccuracy", part="head"),

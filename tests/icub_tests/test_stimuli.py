@@ -20,6 +20,9 @@ def entry(name, test, **parameters):
 
 
 TORSO = {"part": "torso"}
+#: Gain of a loop without an integral, %/deg: friction takes up to 2 % to either side of what holds the neck; with this
+#: gain 4 % are half a degree, what may be left in the end.
+ALONE = 8
 SUITE = "".join([
     entry("limits", "JointLimits", **TORSO, joints="(0 1)", speed="(50 40)", outOfBoundPosition="(2 3)",
           outputLimitPercent="(60 50)"),
@@ -33,7 +36,7 @@ SUITE = "".join([
     entry("steps", "PositionControlAccuracy", **TORSO, joints="(0 2)", zeros="(5 10)", cycles=2, step=2, lead=0.5,
           step_duration=1.2, sampleTime=0.02),
     entry("own-loop", "PositionControlAccuracyExternalPid", part="head", joints="(2)", zeros="(5)", cycles=2, step=3,
-          lead=0.5, step_duration=1.2, sampleTime=0.01, Kp=3, Ki=0, Kd=0, pid_vup=0, pid_vdown=0, overshoot=200),
+          lead=0.5, step_duration=1.2, sampleTime=0.01, Kp=ALONE, Ki=0, Kd=0, pid_vup=0, pid_vdown=0, overshoot=200),
     entry("torque-steps", "TorqueControlAccuracy", **TORSO, joints="(0)", cycles=2, step=0.4, lead=0.3,
           step_duration=0.8, sampleTime=0.01),
     entry("torques", "TorqueControlConsistency", **TORSO, joints="(0 1)", change=0.2),
@@ -278,8 +281,8 @@ def test_a_step_of_a_loop_of_its_own_is_a_step(recording):
         assert time[-1] == pytest.approx(1.2, abs=0.03)
         step = int(np.abs(np.diff(duties)).argmax()) + 1
         assert time[step] == pytest.approx(0.5, abs=0.03)
-        assert np.diff(duties)[step - 1] == pytest.approx(3 * 3, abs=0.3)
-        references = duties / 3 + positions
+        assert np.diff(duties)[step - 1] == pytest.approx(ALONE * 3, abs=0.3)
+        references = duties / ALONE + positions
         before, after = references[:step], references[step:]
         assert np.ptp(before) < 0.1
         assert close(after - before.mean(), np.full(len(after), 3.0), 0.6)  # of a state that is 10 ms old

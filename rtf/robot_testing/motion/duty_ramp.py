@@ -202,9 +202,11 @@ class LimpMotor:
     def _correct_creep(self) -> Routine[bool]:
         """Drive the holding duty cycle, and correct it against creep, until both encoders are at rest.
 
-        False if the joint moves by more than ``_HELD`` deg, or does not come to rest.
+        False if the joint moves by more than ``_HELD`` deg, or does not come to rest. Where the encoders disagree about
+        the way, one of them or the gear has a wrong sign, for the ramps to find: the joint's counts, by which its
+        controller has held it, until a correction has made the creep faster.
         """
-        clock, change, way = self.part.clock, _CORRECTION, 0.0
+        clock, change, way, fast = self.part.clock, _CORRECTION, 0.0, np.inf
         first = before = np.array(self._where())
         samples: list[FloatArray] = []
         end, since = clock.now() + SETTLING, clock.now()
@@ -218,9 +220,14 @@ class LimpMotor:
             if np.abs(gone).max() < self.jitter:  # it may be jitter: creep shows in the mean
                 gone, here = _crept(samples), np.mean(samples[-_MEAN_OF:], axis=0)
             if np.abs(gone).max() >= LEAST_CREEP:
-                away = float(np.sign(gone[np.abs(gone).argmax()]))
-                change /= 2.0 if away == -way else 1.0
-                self.holding, way = self.holding - away * change, away
+                disagree = gone[0] * gone[1] < 0.0 and np.abs(gone).min() >= LEAST_CREEP / 2.0
+                crept = float(gone[1] if disagree else gone[np.abs(gone).argmax()])
+                away, speed = float(np.sign(crept)), abs(crept) / (clock.now() - since)
+                if away == -way:
+                    change /= 2.0
+                elif disagree and away == way and speed > fast:
+                    change *= -2.0
+                self.holding, way, fast = self.holding - away * change, away, speed
                 before, since = here, clock.now()
                 samples.clear()
             elif clock.now() >= since + BASELINE:

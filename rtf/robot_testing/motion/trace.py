@@ -122,6 +122,14 @@ class Trace:
         return self.column(Field.CURRENTS)
 
     @property
+    def efforts(self) -> FloatArray:
+        """Motor currents (A), or duty cycles (per cent) if the board measures no currents.
+
+        The torque of a motor has the sign of its current; a duty cycle also has the voltage that its speed induces.
+        """
+        return self.currents if len(self) and self.newest[1].valid[Field.CURRENTS] else self.duty_cycles
+
+    @property
     def control_modes(self) -> NDArray[np.int32]:
         """Joint control modes, as packed words."""
         return self.column(Field.CONTROL_MODES)

@@ -44,8 +44,8 @@ class Jittery:
 
     needed = 12.0  # %
 
-    def __init__(self, sd: float, seed: int, creeps: float = 0.0) -> None:
-        self.sd, self.creeps = sd, creeps
+    def __init__(self, sd: float, seed: int, creeps: float = 0.0, signs: tuple[float, float] = (1.0, 1.0)) -> None:
+        self.sd, self.creeps, self.signs = sd, creeps, signs
         self.random = np.random.default_rng(seed)
         self.time, self.place = 0.0, 30.0
         self.motor = LimpMotor(
@@ -61,11 +61,11 @@ class Jittery:
 
     def encoder(self, joint: int) -> float:
         """See IEncoders."""
-        return self.place + float(self.random.normal(0.0, self.sd)) + joint
+        return self.signs[1] * self.place + float(self.random.normal(0.0, self.sd)) + joint
 
     def motor_encoders(self, motor: int) -> np.ndarray:
         """See IMotorEncoders."""
-        return np.array([100.0 * self.place + motor])
+        return np.array([100.0 * self.signs[0] * self.place + motor])
 
     def set_reference_duty_cycles(self, duties: list[float], motors: list[int]) -> None:
         """See IPWMControl."""
@@ -102,6 +102,17 @@ def test_creep_is_corrected_by_the_duty_cycle(sd: float, off: float):
         creeping.motor.holding = creeping.needed + off
         assert creeping.whether(creeping.motor._correct_creep()), seed
         assert abs(creeping.motor.holding - creeping.needed) < 0.6
+
+
+@pytest.mark.parametrize("signs", [(-1.0, 1.0), (1.0, -1.0)])
+@pytest.mark.parametrize("off", [-2.0, 1.0])
+def test_creep_is_corrected_although_an_encoder_counts_the_wrong_way(signs: tuple[float, float], off: float):
+    """Whichever of the two it is: that is for the ramps to find."""
+    for seed in range(20):
+        creeping = Jittery(0.01, seed, creeps=0.3, signs=signs)
+        creeping.motor.holding = creeping.needed + off
+        assert creeping.whether(creeping.motor._correct_creep()), seed
+        assert abs(creeping.motor.holding - creeping.needed) < 1.0, seed
 
 
 @pytest.mark.parametrize(("sd", "least", "most"), [(0.0, 0.1, 0.1), (0.03, 0.13, 0.2), (0.05, 0.2, 0.2)])
