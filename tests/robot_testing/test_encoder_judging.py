@@ -60,7 +60,7 @@ def swung(speed=20.0, play=0.0, delay=0.0):
         motor_positions=shown[:, None],
         velocities=np.gradient(motor, _PERIOD)[:, None],
         motor_velocities=np.gradient(shown, _PERIOD)[:, None],
-        duty_cycles=np.zeros((time.size, 1)),
+        efforts=np.zeros((time.size, 1)),
     )
 
 

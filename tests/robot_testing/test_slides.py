@@ -162,5 +162,5 @@ def test_a_degree_is_a_share_of_the_range_unless_the_file_says_more(tmp_path: Pa
     assert slides_of(load_robot(f"{tmp_path}/"), "arm") == {"elbow": 0.001}
     assert slides_of(load_robot(f"{tmp_path}/"), "leg") == {}
     (tmp_path / "robot.toml").write_text(text.replace("{ max_torque = 15.0", "{ degree = 1, max_torque = 15.0"))
-    with pytest.raises(ValueError, match=r"robot.toml:24: shoulder: degree is for prismatic joints"):
+    with pytest.raises(ValueError, match=r"robot.toml:25: shoulder: degree is for prismatic joints"):
         load_robot(f"{tmp_path}/")
