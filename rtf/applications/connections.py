@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from rtf.bottle import Bottle, BottleError, to_string
+from rtf.bottle import Bottle, BottleError, Vocab, to_string
+from rtf.middleware.carriers import registry
 from rtf.middleware.errors import ConnectError, MiddlewareError
 from rtf.middleware.ports import remote
 from rtf.middleware.ports.qos import Qos, QosError
@@ -13,6 +15,8 @@ from rtf.middleware.wire.contact import Contact
 from rtf.middleware.wire.name_server_lines import command
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rtf.applications.xml.model import Connection, PortDependency
     from rtf.middleware.ports.network import Network
 
@@ -39,15 +43,44 @@ def read_qos(text: str) -> Qos:
     return Qos(numbers.get("tos", tos), numbers.get("policy"), numbers.get("priority"))
 
 
-def are_there(network: Network, connection: Connection) -> bool:
-    """Return whether both ports of a connection are registered. Raises MiddlewareError."""
-    return all(network.names.query(end.port) is not None for end in (connection.source, connection.target))
+class Link(StrEnum):
+    """The state of a connection."""
+
+    CONNECTED = "connected"
+    APART = "apart"
+    NO_PORT = "no port"
+    UNKNOWN = "unknown"
 
 
-def is_connected(network: Network, connection: Connection) -> bool:
-    """Return whether a connection exists. Raises MiddlewareError if its ports cannot be asked."""
-    source = network.names.query(connection.source.port)
-    return source is not None and remote.connection(network, source, Contact(connection.target.port)) is not None
+def states(network: Network, wanted: Sequence[Connection]) -> list[Link]:
+    """Return the states of connections. Each port is asked once for all of its connections."""
+    try:
+        known = {one.name: one for one in network.names.list()}
+    except MiddlewareError:
+        return [Link.UNKNOWN] * len(wanted)
+    asked: dict[tuple[str, str], set[str] | None] = {}
+
+    def peers(port: str, direction: str) -> set[str] | None:
+        if (port, direction) not in asked:
+            try:
+                reply = remote.administer(network, known[port], Bottle([Vocab("list"), Vocab(direction)]))
+                asked[port, direction] = {*map(to_string, reply)}
+            except MiddlewareError:
+                asked[port, direction] = None
+        return asked[port, direction]
+
+    found: list[Link] = []
+    for one in wanted:
+        source, target = str(one.source.port), str(one.target.port)
+        if source not in known or target not in known:
+            found.append(Link.NO_PORT)
+            continue
+        # A carrier such as mjpeg is opened by the port that receives, which alone knows the other one by its name.
+        pulled = registry.pulls(one.carrier)
+        names = peers(target, "in") if pulled else peers(source, "out")
+        exists = names is not None and (source if pulled else target) in names
+        found.append(Link.UNKNOWN if names is None else Link.CONNECTED if exists else Link.APART)
+    return found
 
 
 def connect(network: Network, connection: Connection) -> None:
@@ -60,7 +93,7 @@ def connect(network: Network, connection: Connection) -> None:
         answer = network.names.command(command("subscribe", source.name, str(target.by(connection.carrier))))
         if not answer or answer[0] != "[ok]":
             raise ConnectError(f"the name server does not keep {connection}: {' '.join(answer)}")
-    if not is_connected(network, connection):
+    if states(network, [connection]) != [Link.CONNECTED]:
         remote.connect(network, source, target, connection.carrier)
     qos = read_qos(connection.source.qos), read_qos(connection.target.qos)
     if qos != (Qos(), Qos()):
@@ -71,7 +104,7 @@ def disconnect(network: Network, connection: Connection) -> bool:
     """End a connection. False if there is none. Raises MiddlewareError."""
     if connection.persist:
         network.names.command(command("unsubscribe", connection.source.port, connection.target.port))
-    if not is_connected(network, connection):
+    if states(network, [connection])[0] in (Link.APART, Link.NO_PORT):
         return False
     remote.disconnect(network, Contact(connection.source.port), Contact(connection.target.port))
     return True

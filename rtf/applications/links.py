@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import threading
-from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from rtf.applications import connections
+from rtf.applications.connections import Link
 from rtf.applications.happenings import Happening, Kind
 from rtf.middleware.errors import MiddlewareError, NameServerError
 
@@ -32,17 +32,22 @@ class Links:
 
     def connect(self, *, last: bool = True) -> bool:
         """Make the connections that are not made. Returns whether all are. The ``last`` try tells of the others."""
+        try:
+            known = {one.name for one in self._network.names.list()}
+        except MiddlewareError as error:
+            if last:
+                self._say(Kind.FAILED, f"nothing is connected: {error}")
+            return False
         for index, connection in enumerate(self._wanted):
-            if index in self._made:
+            if index in self._made or self._ending.is_set():
                 continue
-            reason = ""
+            gone = [end.port for end in (connection.source, connection.target) if end.port not in known]
+            reason = f"{' and '.join(gone)} {'is' if len(gone) == 1 else 'are'} not open" if gone else ""
             try:
-                if connections.are_there(self._network, connection):
+                if not gone:
                     connections.connect(self._network, connection)
                     self._made.add(index)
                     self._say(Kind.CONNECTED, f"{connection} is connected by {connection.carrier}")
-                else:
-                    reason = "one of the ports is not open"
             except MiddlewareError as error:
                 reason = str(error)
             if reason and last:
@@ -65,28 +70,18 @@ class Links:
         self._made.clear()
         return done
 
-    def states(self) -> list[tuple[Connection, bool | None]]:
-        """Return each connection, and whether it exists; None if its ports cannot be asked."""
-        found: list[tuple[Connection, bool | None]] = []
-        for connection in self._wanted:
-            try:
-                found.append((connection, connections.is_connected(self._network, connection)))
-            except MiddlewareError:
-                found.append((connection, None))
-        return found
+    def states(self) -> list[tuple[Connection, Link]]:
+        """Return each connection, and its state."""
+        return [*zip(self._wanted, connections.states(self._network, self._wanted), strict=True)]
 
     def watch(self) -> None:
         """Make lost connections again. One whose ports cannot be asked, or are not there, is left as it is."""
-        for index in sorted(self._made):
-            if self._ending.is_set():
-                return
-            connection = self._wanted[index]
-            with suppress(MiddlewareError):
-                there = connections.are_there(self._network, connection)
-                if there and not connections.is_connected(self._network, connection):
-                    self._made.discard(index)
-                    self._say(Kind.LOST, f"{connection} is lost")
-        self.connect(last=False)
+        for index, (connection, state) in enumerate(self.states()):
+            if state is Link.APART and index in self._made:
+                self._made.discard(index)
+                self._say(Kind.LOST, f"{connection} is lost")
+        if len(self._made) < len(self._wanted):
+            self.connect(last=False)
 
     def _say(self, kind: Kind, text: str) -> None:
         self._said(Happening(kind, text))

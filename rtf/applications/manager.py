@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import threading
 from concurrent.futures import Future, ThreadPoolExecutor, wait
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -24,7 +25,7 @@ from rtf.middleware.wire.contact import Contact
 from rtf.testing.suite.diagnostics import DiagnosticLog
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
     from types import TracebackType
 
     from rtf.applications.deployers import Deployer, Surroundings
@@ -35,8 +36,8 @@ if TYPE_CHECKING:
 
 #: Seconds between two looks at modules and at ports that are waited for, and between two looks at connections.
 LOOK, _LOOK_AT_LINKS = 0.25, 2.0
-#: Seconds between two looks at modules while others are started.
-_LOOK_AT_STARTS = 0.05
+#: Seconds between two looks at modules while others are started, and while modules end.
+_LOOK_AT_STARTS, _LOOK_AT_ENDS = 0.05, 0.03
 #: Seconds for which a port is waited for that has no timeout, and for both ports of a connection.
 PATIENCE, _CONNECTING = 60.0, 10.0
 #: Seconds from SIGTERM to SIGKILL, and from there to giving up. Yarpmanager has the same.
@@ -111,9 +112,6 @@ class Manager:
     def _fail(self, unit: Unit, reason: str, did: str = "is not up") -> None:
         unit.state, unit.reason = State.FAILED, reason
         self._say(Kind.FAILED, f"{unit.module} {did}: {reason}", unit.module)
-
-    def _in_parallel(self, work: Callable[[Unit], None], units: Sequence[Unit]) -> None:
-        list(self._pool.map(work, units))
 
     # Starting ----------------------------------------------------------------------------------------------------
 
@@ -327,36 +325,47 @@ class Manager:
                 unit.state = State.STOPPED
         self.look()
         for level in reversed(self._order.levels()):
-            units = [self.units[index] for index in reversed(level)]
-            there = [unit for unit in units if unit.state in (State.RUNNING, State.UNKNOWN)]
-            self._in_parallel(lambda unit: self._bring_down(unit, kill=kill), there)
+            there = [self.units[index] for index in level if self.units[index].state in (State.RUNNING, State.UNKNOWN)]
+            places = {unit.place: [one for one in there if one.place is unit.place] for unit in there}
+            list(self._pool.map(partial(self._bring_down, kill=kill), places, places.values()))
         return not any(unit.state in (State.RUNNING, State.UNKNOWN) for unit in self.units)
 
-    def _bring_down(self, unit: Unit, *, kill: bool) -> None:
-        try:
-            if not kill:
-                clock.sleep(unit.module.farewell)
-            gently = not kill and self._ends(unit, signal.SIGTERM, _STOP)
-            if not gently and not self._ends(unit, signal.SIGKILL, _KILL):
-                raise ApplicationError(f"it does not end within {_KILL:g} s of SIGKILL")
-        except RtfError as error:
-            self._say(Kind.FAILED, f"{unit.module} is not stopped: {error}", unit.module)
-            return
-        unit.state = State.STOPPED
-        word = "is stopped" if gently else "is killed" if kill else f"is killed, as it ran {_STOP:g} s after SIGTERM"
-        self._say(Kind.STOPPED, f"{unit.module} {word}", unit.module)
+    def _bring_down(self, deployer: Deployer, units: Sequence[Unit], *, kill: bool) -> None:
+        """Stop the modules of a place: SIGTERM after their farewells, SIGKILL for those that do not end in time."""
+        waiting = {unit: clock.Deadline.after(0.0 if kill else unit.module.farewell) for unit in units}
+        ending: dict[Unit, clock.Deadline] = {}
+        killed: set[Unit] = set()
 
-    @staticmethod
-    def _ends(unit: Unit, signum: int, timeout: float) -> bool:
-        """Send a signal and return whether the module ends within the time."""
-        unit.place.signal(unit.module.tag, signum)
-        deadline, pause = clock.Deadline.after(timeout), 0.02
-        while unit.module.tag in unit.place.running():
-            if deadline.expired:
-                return False
-            clock.sleep(pause)
-            pause = min(LOOK, 2 * pause)
-        return True
+        def send(unit: Unit, signum: int) -> None:
+            deployer.signal(unit.module.tag, signum)
+            ending[unit] = clock.Deadline.after(_KILL if signum == signal.SIGKILL else _STOP)
+            killed.update([unit] if signum == signal.SIGKILL else [])
+
+        try:
+            while waiting or ending:
+                for unit in [one for one, deadline in waiting.items() if deadline.expired]:
+                    send(unit, signal.SIGKILL if kill else signal.SIGTERM)
+                    del waiting[unit]
+                clock.sleep(_LOOK_AT_ENDS)
+                running = deployer.running()
+                for unit, deadline in [*ending.items()]:
+                    if unit.module.tag not in running:
+                        del ending[unit]
+                        self._note_stop(unit, killed=unit in killed, asked=not kill)
+                    elif deadline.expired and unit in killed:
+                        del ending[unit]
+                        reason = f"it runs {_KILL:g} s after SIGKILL"
+                        self._say(Kind.FAILED, f"{unit.module} is not stopped: {reason}", unit.module)
+                    elif deadline.expired:
+                        send(unit, signal.SIGKILL)
+        except RtfError as error:
+            for unit in (*waiting, *ending):
+                self._say(Kind.FAILED, f"{unit.module} is not stopped: {error}", unit.module)
+
+    def _note_stop(self, unit: Unit, *, killed: bool, asked: bool) -> None:
+        unit.state = State.STOPPED
+        late = f", as it ran {_STOP:g} s after SIGTERM" if killed and asked else ""
+        self._say(Kind.STOPPED, f"{unit.module} is {'killed' if killed else 'stopped'}{late}", unit.module)
 
     def close(self) -> None:
         """Release the deployers. What runs on this machine ends, unless it is held."""

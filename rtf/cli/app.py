@@ -366,6 +366,7 @@ def _links(application: Application) -> Links:
 
 def status(words: Sequence[str]) -> ExitCode:
     """Print how the modules and connections of an application are."""
+    from rtf.applications.connections import Link
     from rtf.applications.errors import TakenError
     from rtf.applications.happenings import State
     from rtf.applications.session import Session
@@ -386,10 +387,7 @@ def status(words: Sequence[str]) -> ExitCode:
         pid = f" ({unit.pid})" if unit.state is State.RUNNING else ""
         reason = f": {unit.reason}" if unit.reason else ""
         say(f"{unit.state:<12} {unit.module}{pid}{reason}")
-    for connection, exists in connected:
-        say(f"{_STATES[exists]:<12} {connection}")
-    fine = all(unit.up for unit in manager.units) and all(exists for _, exists in connected)
+    for connection, state in connected:
+        say(f"{state:<12} {connection}")
+    fine = all(unit.up for unit in manager.units) and all(state is Link.CONNECTED for _, state in connected)
     return ExitCode.PASSED if fine else ExitCode.FAILURES
-
-
-_STATES = {True: "connected", False: "apart", None: "unknown"}

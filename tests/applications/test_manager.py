@@ -13,6 +13,7 @@ import pytest
 
 from lab import application, lab, module, needs, shell
 from rtf import clock
+from rtf.applications.connections import Link
 from rtf.applications.errors import ApplicationError
 from rtf.applications.happenings import Kind, State
 from rtf.applications.run.members import look_at
@@ -193,6 +194,19 @@ def test_modules_are_stopped_in_reverse(tmp_path: Path):
         assert run.texts(Kind.STOPPED) == ["sleep 60 is stopped", "sh x.sh --name /x is stopped"]
 
 
+def test_many_modules_are_stopped_together(tmp_path: Path):
+    """Those that do not wait for each other end at the same time, each after its own farewell."""
+    slow = "<ensure><wait when='stop'>0.3</wait></ensure>"
+    content = "".join(module("sleep", "60", slow if number == 0 else "") for number in range(40))
+    with lab(application(tmp_path, content)) as run:
+        assert run.manager.start()
+        began = clock.monotonic()
+        assert run.manager.stop()
+        assert clock.monotonic() - began < 5.0
+        assert len(run.texts(Kind.STOPPED)) == 40
+        assert run.said[-1].module == run.manager.units[0].module.tag
+
+
 def test_running_modules_are_found_by_their_tag(tmp_path: Path):
     """A second manager, as after a restart, starts nothing again, and stops what the first has started."""
     app = application(tmp_path, module("sleep", "60", node="node1"))
@@ -278,11 +292,12 @@ def test_connections_are_made_and_made_again(tmp_path: Path):
             run.manager.links.watch()
             assert run.texts(Kind.LOST) == ["/a -> /b is lost"]
             assert run.texts(Kind.CONNECTED) == ["/a -> /b is connected by tcp"] * 2
-            assert [exists for _, exists in run.manager.links.states()] == [True]
+            assert [state for _, state in run.manager.links.states()] == [Link.CONNECTED]
             assert run.manager.links.disconnect()
             assert source.outputs == ()
+            assert [state for _, state in run.manager.links.states()] == [Link.APART]
         assert not run.manager.links.connect()
-        assert run.texts(Kind.FAILED) == ["/a -> /b is not connected: one of the ports is not open"]
+        assert run.texts(Kind.FAILED) == ["/a -> /b is not connected: /a and /b are not open"]
 
 
 def test_name_server_that_is_restarted_in_the_middle(tmp_path: Path):

@@ -201,7 +201,7 @@ def test_connections_are_made_and_ended(net: Net, tmp_path: Path, app: Callable)
     sink = net.opened("/app/sink", "read", "/app/sink")
     assert app("connect", file) == (
         1,
-        "[ERROR] /app/source -> /app/sink is not connected: one of the ports is not open\n",
+        "[ERROR] /app/source -> /app/sink is not connected: /app/source is not open\n",
     )
     source = net.opened("/app/source", "write", "/app/source")
     assert app("connect", file) == (0, "/app/source -> /app/sink is connected by tcp\n")
