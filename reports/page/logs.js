@@ -40,7 +40,7 @@ class LogsPage {
     document.addEventListener("visibilitychange", () => this.#work());
     this.#again();
     this.#followed(true);
-    setInterval(() => this.#work(true), LOOK);
+    setInterval(() => this.#look(), LOOK);
     const facts = await askServer("facts");
     setText(this.file, facts.file);
     document.title = `Log ${facts.file.split("/").pop()}`;
@@ -55,9 +55,14 @@ class LogsPage {
     this.#work();
   }
 
-  async #work(due = false) {
+  #look() {
+    this.due = true; // it is time to look for new records
+    this.#work();
+  }
+
+  async #work() {
     if (this.busy || this.refused || document.hidden) return;
-    const step = this.#next(due);
+    const step = this.#next();
     if (!step) return;
     const { window } = this;
     const { stop } = window;
@@ -75,16 +80,19 @@ class LogsPage {
     this.#work();
   }
 
-  /** The next request, or nothing. `due` is that it is time to look for new records. */
-  #next(due) {
+  /** The next request, or nothing. */
+  #next() {
     const { window, rows } = this;
     if (!window.loaded) return this.fromStart ? () => window.showBeginning() : () => window.showEnd();
+    if (rows.follow && this.due) {
+      this.due = false;
+      return () => window.follow();
+    }
     const { scrollTop, clientHeight } = rows.element;
     const space = NEAR * rows.height;
     if (scrollTop < space && window.hasOlder) return () => this.#addOlder();
-    if (rows.follow) return due ? () => window.follow() : null;
     const below = rows.items.length * rows.height - scrollTop - clientHeight;
-    return below < space && window.hasNewer ? () => window.addNewer() : null;
+    return !rows.follow && below < space && window.hasNewer ? () => window.addNewer() : null;
   }
 
   async #addOlder() {
@@ -127,15 +135,15 @@ class LogsPage {
     this.shown = record.number;
     try {
       const whole = await askServer(`records/${record.number}`);
-      if (this.shown === record.number) this.#show(whole);
+      if (this.shown === record.number) this.#show(record.number, logEntry(whole));
     } catch (error) {
-      this.#failed(error);
+      this.#show(record.number, h("p", { text: error instanceof LogRequestError ? error.message : UNREACHABLE }));
     }
   }
 
-  #show(record) {
+  #show(number, contents) {
     const close = h("button", { type: "button", class: "quiet", text: "close", on: { click: () => this.#close() } });
-    this.entry.replaceChildren(h("p", { class: "entry-head" }, h("strong", { class: "number", text: `Record ${record.number}` }), close), logEntry(record));
+    this.entry.replaceChildren(h("p", { class: "entry-head" }, h("strong", { class: "number", text: `Record ${number}` }), close), contents);
     this.entry.hidden = false;
     this.entry.scrollTop = 0;
     this.rows.reveal();

@@ -6,7 +6,7 @@
 const STEP = 500; // records of a request
 const MOST = 5000; // records that are kept; beyond it those at the other end are dropped
 
-/** A request that the server does not answer as it should: its message is the server's, `refused` that it is wrong. */
+/** A request that is not answered as it should be. The message is the server's; `refused`: the request was wrong. */
 export class LogRequestError extends Error {
   constructor(text, refused) {
     super(text);
@@ -18,7 +18,7 @@ export class LogRequestError extends Error {
 export async function askServer(path, signal) {
   const answer = await fetch(path, { signal });
   if (answer.ok) return answer.json();
-  throw new LogRequestError((await answer.text()).trim(), answer.status === 400 || answer.status === 404);
+  throw new LogRequestError((await answer.text()).trim(), answer.status === 400);
 }
 
 export class LogWindow {

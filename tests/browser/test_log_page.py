@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sqlite3
+from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -29,15 +31,14 @@ class Log:
 
     def __init__(self, opened: LogStore, address: str) -> None:
         self._store = opened
+        self.file = opened.path
         self.address = address
-        self.count = 0
 
     def write(self, *messages: str, level: Level = Level.INFO, sender: str = "/log/pc/arm/7") -> None:
         """Add records that are made now."""
         now = clock.now()
         records = [LogRecord(sender, level, now, message, "lab.arm") for message in messages]
         self._store.add([(now, record) for record in records])
-        self.count += len(messages)
 
 
 @pytest.fixture
@@ -104,6 +105,21 @@ def test_filters_and_a_record(log: Log, visit: Any):
     expect(rows(page)).to_have_count(3)
     page.get_by_label("Text").fill("nothing like it")
     expect(page.get_by_text("No record matches.")).to_be_visible()
+
+
+def test_a_record_that_was_removed(log: Log, visit: Any, unreachable: Any):
+    """A full file loses its oldest records: one that is shown and gone is told so, and the page goes on."""
+    log.write("old", "young")
+    page = visit(log.address, expected=unreachable)
+    expect(rows(page)).to_have_count(2)
+    with closing(sqlite3.connect(log.file)) as connection, connection:
+        connection.execute("DELETE FROM records WHERE message = 'old'")
+    rows(page).first.click()
+    expect(page.get_by_role("region", name="Record")).to_contain_text(
+        "there is no such record; it may have been removed"
+    )
+    log.write("new")
+    expect(rows(page)).to_have_count(3)
 
 
 def test_a_wrong_filter_is_explained(log: Log, visit: Any, unreachable: Any):
