@@ -142,6 +142,9 @@ class MovementReferencesTest(JointsTest):
         joints = self._enter(ControlMode.VELOCITY)
         if not joints:
             return
+        if self.acceleration:  # those of a file may need longer for the velocity than the test lasts
+            enough = np.maximum(self.accelerations[joints], self.velocity / _REPEATED)
+            board.set_reference_accelerations(enough, joints)
         # From the current positions: in PWM mode light joints may have fallen to a limit.
         speeds = self.velocity * self._inwards(board.encoders())[joints]
         try:

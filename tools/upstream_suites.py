@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from rtf.applications.deployers import is_local
 from rtf.applications.xml.reader import read_application
 from rtf.bottle import Bottle, as_float, as_string, to_string
+from rtf.resources import ResourceFinder
 from rtf.testing.inspection import Trial, try_uses
 from rtf.testing.isolation.messages import Use
 from rtf.testing.plan import Planner, load_files, suite_files
@@ -115,7 +116,17 @@ def _outcome(
         if other is not None and rates[port].index(rate) < rates[port].index(other):
             wanted = f"{other.low:g} to {other.high:g} Hz of {port}, as {other.place} says"
             return Outcome.REFUSED, f"{rate.place}: {rate.low:g} to {rate.high:g} Hz exclude the {wanted}"
+    blocked = blocked or _missing_model(trial)
     return (Outcome.BLOCKED, blocked) if blocked else (Outcome.RUNS, "")
+
+
+def _missing_model(trial: Trial) -> str:
+    """Return that the description of the robot that a test names is not there, or an empty text."""
+    row = next((row for row in trial.values if row["name"] == "model"), None)
+    name = to_string(Bottle.parse(row["value"]).get(0)) if row else ""
+    if row is None or not name or ResourceFinder().search(name).path is not None:
+        return ""
+    return f"{row['source']}: {name} is not there; it belongs to the configuration of a robot"
 
 
 def _first_line(text: str) -> str:

@@ -41,7 +41,7 @@ def test_the_table_is_current(rows: list[Row]):
 def test_every_test_has_one_of_three_outcomes(rows: list[Row]):
     """All 144 tests of 29 suites are there; 27 cannot pass, one of them for an open quote in its file."""
     assert len({row.suite for row in rows}) == 29
-    assert Counter(row.outcome for row in rows) == {Outcome.RUNS: 89, Outcome.BLOCKED: 28, Outcome.REFUSED: 27}
+    assert Counter(row.outcome for row in rows) == {Outcome.RUNS: 87, Outcome.BLOCKED: 30, Outcome.REFUSED: 27}
     assert all(row.reason for row in rows if row.outcome is not Outcome.RUNS)
     refused = [row.reason for row in rows if row.outcome is Outcome.REFUSED]
     assert all(reason.partition(":")[0].endswith((".xml", ".ini")) for reason in refused)

@@ -31,6 +31,7 @@ SUITE = "".join(
         entry("other-axes", "MotorTest", joints=4),
         entry("one-target-too-few", "MotorTest", target="3.0 3.0"),
         entry("references", "MovementReferencesTest"),
+        entry("references-slow", "MovementReferencesTest", refAcc="0.1"),
         entry("references-lost", "MovementReferencesTest", "missed_command torso_pitch every=1"),
         entry("references-no-mode", "MovementReferencesTest", "mode_ignored torso_yaw"),
         entry("open-loop", "OpenLoopConsistency"),
@@ -66,9 +67,9 @@ def positions_of(outcome, test, name, subject="", column="position"):
     return np.load(outcome.folder / series.path)[column]
 
 
-@pytest.mark.parametrize("test", ["motors", "references", "open-loop", "stress"])
+@pytest.mark.parametrize("test", ["motors", "references", "references-slow", "open-loop", "stress"])
 def test_a_healthy_robot_passes(outcome, test):
-    """With a file of old in the case of the motors, and with no parameter but the part in the others."""
+    """With a file of old in the case of the motors, a slow acceleration, or no parameter but the part."""
     assert outcome.verdict(test) is Verdict.PASSED, outcome.detail(test)
 
 
