@@ -16,6 +16,7 @@ from rtf.applications.errors import ApplicationError
 from rtf.applications.happenings import Happening, Kind, State, Unit
 from rtf.applications.links import Links
 from rtf.applications.ports import Order, ports_of
+from rtf.applications.run.output import printable
 from rtf.applications.substitutions import substitute, table_of
 from rtf.applications.xml.descriptions import find_description
 from rtf.applications.xml.model import RestartPolicy
@@ -107,7 +108,7 @@ class Manager:
         return ThreadPoolExecutor(2 * len(self.application.modules) + 2, "rtf-app")
 
     def _say(self, kind: Kind, text: str, module: Module | None = None, ending: Ending | None = None) -> None:
-        self._said(Happening(kind, text, "" if module is None else module.tag, ending))
+        self._said(Happening(kind, printable(text), "" if module is None else module.tag, ending))
 
     def _fail(self, unit: Unit, reason: str, did: str = "is not up") -> None:
         unit.state, unit.reason = State.FAILED, reason
@@ -179,9 +180,8 @@ class Manager:
             try:
                 self._await_dependencies(unit)
                 self._refuse_taken_ports(unit)
-                unit.state = State.STARTING
+                unit.state, unit.since = State.STARTING, clock.monotonic()
                 unit.pid = unit.place.start(request_of(unit.module, self._surroundings))
-                unit.since = clock.monotonic()
                 self._say(Kind.STARTED, f"{unit.module} is started ({unit.pid})", unit.module)
                 if self._settles(unit):
                     unit.state = State.RUNNING
@@ -321,7 +321,7 @@ class Manager:
         self._pool.shutdown(wait=True)  # what is being started is started, or not
         self._pool = self._make_pool()
         for unit in self.units:
-            if unit.deployer is not None and (unit.pid or unit.state is not State.FAILED):
+            if unit.deployer is not None and (unit.pid or unit.since or unit.state is not State.FAILED):
                 unit.state = State.STOPPED
         self.look()
         for level in reversed(self._order.levels()):

@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 import threading
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -191,7 +191,6 @@ def _make_manager(
     from rtf.applications.manager import PATIENCE, Manager
     from rtf.applications.run.record import NodeRecord
     from rtf.cli.network.options import make_network
-    from rtf.cli.network.terminal import say
     from rtf.middleware.naming.configuration import find_network
 
     word = re.sub(r"[^0-9A-Za-z._-]", "_", application.name)
@@ -203,20 +202,26 @@ def _make_manager(
         hold=hold,
         log=log,
         attached=attached,
-        told=say,
+        told=_say,
     )
     return Manager(application, surroundings, _tell, patience=PATIENCE if patience is None else patience)
 
 
 def _tell(happening: Happening) -> None:
     from rtf.applications.happenings import Kind
+
+    _say(happening.text, wrong=happening.kind in (Kind.FAILED, Kind.LOST))
+
+
+def _say(text: str, *, wrong: bool = False) -> None:
+    """Print a line, from any thread. That nobody reads it any more is no reason to end programs."""
     from rtf.cli.network.terminal import complain, say
 
-    with _telling:
-        (complain if happening.kind in (Kind.FAILED, Kind.LOST) else say)(happening.text)
+    with _saying, suppress(BrokenPipeError):
+        (complain if wrong else say)(text)
 
 
-_telling = threading.Lock()
+_saying = threading.Lock()
 
 
 def run(words: Sequence[str]) -> int:
@@ -249,7 +254,7 @@ def run(words: Sequence[str]) -> int:
 
 def _run(application: Application, options: argparse.Namespace) -> int:
     from rtf.applications.session import Session
-    from rtf.cli.network.terminal import opened, say
+    from rtf.cli.network.terminal import opened
 
     make = partial(_make_manager, application, hold=options.detach, log=options.log, patience=options.timeout)
     with Session(_session_path(application)), opened(make) as manager:
@@ -257,12 +262,12 @@ def _run(application: Application, options: argparse.Namespace) -> int:
         def run_watched() -> bool:
             if not manager.start():
                 return False
-            say(f"{application.name} is up")
+            _say(f"{application.name} is up")
             return options.detach or manager.watch()
 
         good, interrupted = _until_interrupted(manager, run_watched)
         if options.detach and good and not interrupted:
-            say(f"{application.name} runs on; 'rtf app stop {options.file}' stops it")
+            _say(f"{application.name} runs on; 'rtf app stop {options.file}' stops it")
             return ExitCode.PASSED
         return ExitCode.PASSED if _stop(manager) and good else ExitCode.FAILURES
 
@@ -299,7 +304,7 @@ def _clean_up(application: Application, code: int) -> int:
     """Stop what a manager has left on nodes that was killed. In its parent process, which has ended what was here."""
     from rtf.applications.errors import TakenError
     from rtf.applications.session import Session
-    from rtf.cli.network.terminal import complain, opened
+    from rtf.cli.network.terminal import opened
 
     try:
         session = Session(_session_path(application))
@@ -307,7 +312,7 @@ def _clean_up(application: Application, code: int) -> int:
         return code
     with session:
         if session.unfinished:
-            complain(f"the manager of {application.name} was killed; what it has left is stopped")
+            _say(f"the manager of {application.name} was killed; what it has left is stopped", wrong=True)
             with opened(partial(_make_manager, application)) as manager:
                 _stop(manager)
     return code

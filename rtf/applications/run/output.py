@@ -38,6 +38,11 @@ _TOGETHER = 16
 _LOOK = 0.2
 
 
+def printable(text: str) -> str:
+    """Return a text that others have made without the characters that steer a terminal; lines are kept."""
+    return "".join(one if one.isprintable() or one == "\n" else "?" for one in text)
+
+
 class Tail:
     """The end of what a child wrote."""
 

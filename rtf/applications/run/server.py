@@ -19,7 +19,7 @@ from rtf.applications.run import sysinfo
 from rtf.applications.run.access import RunAccess
 from rtf.applications.run.children import Child, Children
 from rtf.applications.run.errors import RunError, StartError
-from rtf.applications.run.output import LineSender
+from rtf.applications.run.output import LineSender, printable
 from rtf.applications.run.programs import make_launch, make_window
 from rtf.applications.run.protocol import (
     Ask,
@@ -221,7 +221,7 @@ class RunServer:
 
     def _say(self, text: str) -> None:
         """Say something that may contain what others have sent: without the characters that steer a terminal."""
-        self._tell("".join(one if one.isprintable() or one == "\n" else "?" for one in text))
+        self._tell(printable(text))
 
     # Answers, in the thread of each connection -----------------------------------------------------------------------
 

@@ -22,6 +22,7 @@ MAX_TEXT, MAX_TEXTS = 64 * 1024, 16 * 1024 * 1024
 #: The longest wait, in seconds.
 MAX_SECONDS = 86400.0
 _VARIABLE = re.compile(r"\$\{([^{}$]{1,64})\}|\$ENV\{([^{}$]{1,64})\}")
+_LINE_END = re.compile(r"\s*[\t\r\n]\s*")
 _YES, _NO = ("true", "yes", "1", "on"), ("false", "no", "0", "off", "")
 
 E = TypeVar("E", bound="StrEnum")
@@ -45,8 +46,8 @@ class Fields:
         return (child for child in element.children if child.name in names and child.tag != COMMENT)
 
     def of(self, element: Element) -> Text:
-        """Return the text of an element."""
-        return Text(self._replaced(element.text, element), element.location)
+        """Return the text of an element, in one line."""
+        return Text(self._replaced(_LINE_END.sub(" ", element.text), element), element.location)
 
     def attribute(self, element: Element, name: str) -> Text:
         """Return an attribute; empty without it."""

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from rtf.applications.check import check_application
 from rtf.applications.xml.descriptions import find_description, read_computers
 from rtf.applications.xml.model import Application, Argument, Channel, PortDependency, Restart, RestartPolicy, Text
 from rtf.applications.xml.reader import Loaded, read_application
+from rtf.applications.xml.vocabulary import KINDS
 from rtf.testing.suite.diagnostics import DiagnosticLog
 
 LAB = """
@@ -18,7 +23,8 @@ LAB = """
   <var name="robot">icubSim</var> <var name="port">/${robot}/head</var>
   <dependencies><port>/needed</port></dependencies>
   <module>
-    <name>yarpdev</name><parameters>--name ${port} $ENV{LAB_TEST}</parameters><node>pc104</node><stdio>/console</stdio>
+    <name>yarpdev</name><parameters>--name ${port}
+      $ENV{LAB_TEST}</parameters><node>pc104</node><stdio>/console</stdio>
     <workdir>/tmp</workdir><deployer>node</deployer><prefix>/x</prefix><environment>A=1;B=2</environment>
     <display>:0.0</display>
     <dependencies><port timeout="5" request="[get]" reply="[ok]">/a</port></dependencies>
@@ -150,8 +156,8 @@ def test_circle_through_several_files_is_told_with_all_of_them(tmp_path: Path):
 
 
 def test_few_lines_cannot_ask_for_billions_of_modules(tmp_path: Path):
-    """Applications that embed each other a hundred times are refused where they become too many."""
-    embed = "<application>" + "<application><name>{0}</name></application>" * 100 + "</application>"
+    """Applications that embed each other forty times are refused where they become too many."""
+    embed = "<application>" + "<application><name>{0}</name></application>" * 40 + "</application>"
     files = {name: embed.format(following) for name, following in zip("bcd", "cde", strict=True)}
     loaded = load(tmp_path, embed.format("b"), **files, e="<application><module><name>x</name></module></application>")
     assert any("more than 1000 embedded applications" in str(one) for one in loaded.diagnostics)
@@ -161,6 +167,59 @@ def test_other_file_is_no_application(tmp_path: Path):
     """The error says what the file holds."""
     (found,) = load(tmp_path, "<suite/>").diagnostics
     assert "main.xml:1:1: error: the file holds <suite>" in str(found)
+
+
+words = st.sampled_from(["", "/a", "x", "${v}", "$ENV{HOME}", "${", "1", "-1", "nan", "true", "start", "lab", "always"])
+parts = st.sampled_from(sorted({name for kind in KINDS.values() for name in kind.children}))
+attributes = st.dictionaries(st.sampled_from(["name", "timeout", "when", "persist", "external", "attempts"]), words)
+
+
+def written(tag: str, content: dict[str, str], inside: list[str], text: str) -> str:
+    """Write an element."""
+    start = "".join(f' {name}="{value}"' for name, value in content.items())
+    return f"<{tag}{start}>{text}{''.join(inside)}</{tag}>"
+
+
+elements = st.recursive(
+    st.builds(written, parts, attributes, st.just([]), words),
+    lambda inner: st.builds(written, parts, attributes, st.lists(inner, max_size=4), words),
+    max_leaves=12,
+)
+
+
+#: Sound ones, too, with anything besides what they must have.
+filled = st.builds(
+    lambda pair, inside: written(pair[0], {}, [pair[1], *inside], ""),
+    st.sampled_from(
+        [
+            ("module", "<name>x</name>"),
+            (
+                "module",
+                "<name>x</name><dependencies><port>/a/in</port></dependencies><parameters>--name /a</parameters>",
+            ),
+            ("connection", "<from>/a</from><to external='true'>/b</to>"),
+            ("arbitrator", "<port>/a</port>"),
+            ("application", "<name>main</name>"),
+        ]
+    ),
+    st.lists(elements, max_size=2),
+)
+
+
+@given(st.lists(elements | filled, max_size=5))
+def test_any_arrangement_of_known_elements_is_read_or_told(content: list[str]):
+    """The reader raises nothing: what cannot be used is a problem with a place."""
+    with TemporaryDirectory() as folder:
+        loaded = load(Path(folder), f"<application>{''.join(content)}</application>")
+        assert all(one.line for one in loaded.diagnostics)
+        for module in loaded.application.modules:
+            assert module.name
+            assert " " not in module.tag
+        problems = DiagnosticLog()
+        check_application(loaded.application, problems)
+        Path(folder, "modules").mkdir()
+        Path(folder, "modules", "x.xml").write_text(f"<module>{''.join(content)}</module>")
+        find_description("x", Path(folder), problems)
 
 
 def test_descriptions_and_machines(tmp_path: Path):
