@@ -1,9 +1,10 @@
 """``rtf demo``: show what the framework does, and say whether all of it ended as it was meant to.
 
 First the demonstration suite, which crashes, hangs and fails on purpose, so that its own exit code is that of a run
-with failures; what is judged is whether the framework saw exactly what happened. Then two programs that talk, a
-simulated robot that moves, and the battery: all tests of a lab on the simulated iCub, with the live page. Unless a
-dialect is set, the battery runs on robots of YARP 3, and a share of it on one of YARP 4.
+with failures; what is judged is whether the framework saw exactly what happened. Then two programs that talk, an
+application of five programs on two nodes, a simulated robot that moves, and the battery: all tests of a lab on the
+simulated iCub, with the live page. Unless a dialect is set, the battery runs on robots of YARP 3, and a share of it on
+one of YARP 4.
 """
 
 from __future__ import annotations
@@ -53,6 +54,8 @@ def demo(words: Sequence[str]) -> ExitCode:
     parser.add_argument("--quick", action="store_true", help="leave out the battery, which takes some minutes")
     add_dialect(parser)
     options, rest = parser.parse_known_args(words)
+    from rtf.cli.demo_application import run_application
+
     dialect = find_dialect()
     runs = Path(options.runs)
     first = _what_goes_wrong(runs, rest)
@@ -60,6 +63,7 @@ def demo(words: Sequence[str]) -> ExitCode:
         return first.code
     shown = [first]
     wrong = first.wrong + _show("two programs that talk", talk)
+    wrong += _show("an application", lambda: run_application(runs))
     if _can_simulate():
         wrong += _show("a robot that moves", lambda: move(runs))
         if not options.quick:

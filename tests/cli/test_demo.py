@@ -38,6 +38,8 @@ def test_the_demo_sees_what_happens(tmp_path: Path):
     assert call(sys.executable, "-m", "rtf.cli.testrunner", "--test", "before.py", folder=tmp_path).returncode == 0
     done = call(sys.executable, "-m", "rtf", "demo", "--quick", folder=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
+    assert "python3 relay.py first on pc2 is restarted, attempt 1 of 3" in done.stdout
+    assert "all programs were stopped, and nothing is left on the nodes" in done.stdout
     page, verdict = done.stdout.rstrip().splitlines()[-2:]
     assert verdict.startswith("DEMO PASSED")
     assert Path(page.partition(": ")[2]).read_text(encoding="utf-8").startswith("<!doctype html>")

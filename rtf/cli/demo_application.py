@@ -1,0 +1,145 @@
+"""The part of ``rtf demo`` that runs an application: five programs on two nodes, with their logs in one file."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rtf import clock
+from rtf.applications.deployers import Surroundings
+from rtf.applications.errors import ApplicationError
+from rtf.applications.happenings import Kind
+from rtf.applications.manager import Manager
+from rtf.applications.run.client import RunClient
+from rtf.applications.xml.reader import read_application
+from rtf.bottle import as_int
+from rtf.logs.collector import Collector
+from rtf.logs.store import LogReader, LogStore
+from rtf.middleware.naming.client import RemoteNames
+from rtf.middleware.naming.configuration import write_place
+from rtf.middleware.naming.server import NameServer
+from rtf.middleware.ports import remote
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
+from rtf.middleware.wire.contact import Contact
+from rtf.testing.plugins import shipped_folder
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rtf.applications.happenings import Happening
+
+_NODES = ("/pc1", "/pc2")
+#: The program that is killed, as in chain.xml.
+_KILLED = "relay.py first"
+#: Seconds in which nodes open, and in which a number arrives.
+_LIMIT = 20.0
+
+
+def run_application(runs: Path) -> list[str]:
+    """Run the application, kill one of its programs, and stop it; return what happened, a line each.
+
+    Its logs stay in ``demo-logs.sqlite`` in the folder of the runs. Raises RtfError, or OSError, when something does
+    not work.
+    """
+    log = runs / "demo-logs.sqlite"
+    runs.mkdir(parents=True, exist_ok=True)
+    log.unlink(missing_ok=True)
+    with ExitStack() as opened:
+        network, environment = _network(opened)
+        opened.enter_context(Collector(opened.enter_context(LogStore(log)), network=network))
+        for node in _NODES:
+            opened.enter_context(_node(node, network, environment))
+        lines = _watch_chain(network)
+        left = [tag for node in _NODES for tag in (one.tag for one in RunClient(node, network=network).running())]
+        if left:
+            raise ApplicationError(f"these programs were stopped and still run: {', '.join(left)}")
+    with LogReader(log) as reader:
+        senders = {record.sender for _, _, record in reader.read()}
+        lines.append(f"  {reader.newest()} records of {len(senders)} programs are in {log}: see rtf log --file {log}")
+    return lines
+
+
+def _network(opened: ExitStack) -> tuple[Network, dict[str, str]]:
+    """Start a name server for this demonstration; return its network, and the environment of programs in it."""
+    folder = opened.enter_context(tempfile.TemporaryDirectory())
+    server = opened.enter_context(NameServer())
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)])
+    environment = {**os.environ, "YARP_CONFIG_HOME": folder, "XDG_STATE_HOME": folder, "PATH": path}
+    write_place(server.contact, environment=environment)
+    names = RemoteNames(server.contact)
+    opened.callback(names.close)
+    return Network(names), environment
+
+
+@contextmanager
+def _node(name: str, network: Network, environment: dict[str, str]) -> Iterator[None]:
+    """Run a node in a process of its own."""
+    words = [sys.executable, "-m", "rtf", "run", "--server", name, "--log"]
+    with subprocess.Popen(words, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as node:
+        try:
+            deadline = clock.Deadline.after(_LIMIT)
+            while not remote.exists(network, Contact(name=name)):
+                if node.poll() is not None or deadline.expired:
+                    raise ApplicationError(f"the node {name} did not open; see rtf run --server {name}")
+                clock.sleep(0.02)
+            yield
+        finally:
+            node.terminate()
+
+
+def _watch_chain(network: Network) -> list[str]:
+    """Start the application, kill a program, and stop; return what happened."""
+    file = shipped_folder("suites") / "demo" / "chain" / "chain.xml"
+    loaded = read_application(file, {"folder": str(file.parent)})
+    told: list[Happening] = []
+    connected = threading.Event()
+
+    def hear(happening: Happening) -> None:
+        told.append(happening)
+        if happening.kind is Kind.CONNECTED and any(one.kind is Kind.RESTARTED for one in told):
+            connected.set()
+
+    began = clock.monotonic()
+    with Manager(loaded.application, Surroundings(network, network, "/app/chain"), hear) as manager:
+        if not manager.start():
+            raise ApplicationError("; ".join(one.text for one in told if one.kind is Kind.FAILED))
+        up = clock.monotonic() - began
+        watching = threading.Thread(target=manager.watch, name="rtf-demo-application")
+        watching.start()
+        try:
+            with Port("/demo/watch", network=network, outputs=False) as watch:
+                remote.connect(network, Contact(name="/chain/sink:o"), Contact(name="/demo/watch"), "tcp")
+                before = _number(watch)
+                killed = next(unit for unit in manager.units if _KILLED in unit.module.command)
+                left = clock.monotonic()
+                os.kill(killed.pid, signal.SIGKILL)
+                if not connected.wait(_LIMIT):
+                    raise ApplicationError(f"'{_KILLED}' was killed, and is not connected again after {_LIMIT:g} s")
+                while (after := _number(watch)) <= before:
+                    pass
+                away = clock.monotonic() - left
+        finally:
+            manager.interrupt()
+            watching.join()
+            manager.links.disconnect()
+            stopped = manager.stop()
+    if not stopped:
+        raise ApplicationError("not all programs of the application could be stopped")
+    return [
+        f"An application of {len(manager.units)} programs on the nodes {' and '.join(_NODES)} is up after {up:.1f} s",
+        *(f"  {one.text.splitlines()[0]}" for one in told if one.ending or one.kind is Kind.RESTARTED),
+        f"  {away:.1f} s after its end numbers arrive as before: {before}, then {after}",
+        "  all programs were stopped, and nothing is left on the nodes",
+    ]
+
+
+def _number(port: Port) -> int:
+    return as_int(port.read(timeout=_LIMIT)[0])
