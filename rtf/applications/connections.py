@@ -86,18 +86,18 @@ def states(network: Network, wanted: Sequence[Connection]) -> list[Link]:
 def connect(network: Network, connection: Connection) -> None:
     """Make a connection, if it does not exist, and have the name server keep one that persists.
 
-    Raises MiddlewareError.
+    The name server is asked last: it would make the connection at the same time. Raises MiddlewareError.
     """
     source, target = Contact(connection.source.port), Contact(connection.target.port)
-    if connection.persist:
-        answer = network.names.command(command("subscribe", source.name, str(target.by(connection.carrier))))
-        if not answer or answer[0] != "[ok]":
-            raise ConnectError(f"the name server does not keep {connection}: {' '.join(answer)}")
     if states(network, [connection]) != [Link.CONNECTED]:
         remote.connect(network, source, target, connection.carrier)
     qos = read_qos(connection.source.qos), read_qos(connection.target.qos)
     if qos != (Qos(), Qos()):
         remote.set_connection_qos(network, source, target, *qos)
+    if connection.persist:
+        answer = network.names.command(command("subscribe", source.name, str(target.by(connection.carrier))))
+        if not answer or answer[0] != "[ok]":
+            raise ConnectError(f"the name server does not keep {connection}: {' '.join(answer)}")
 
 
 def disconnect(network: Network, connection: Connection) -> bool:

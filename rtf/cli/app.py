@@ -290,6 +290,7 @@ def _until_interrupted(manager: Manager, work: Callable[[], bool]) -> tuple[bool
         bell.wait()
     except KeyboardInterrupt:
         interrupted = True
+        _say(f"{manager.application.name} is being stopped")
     manager.interrupt()
     thread.join()
     return all(unit.good for unit in manager.units) if interrupted else done[0], interrupted

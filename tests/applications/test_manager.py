@@ -22,10 +22,12 @@ from rtf.bottle import Bottle
 from rtf.middleware.naming.client import RemoteNames
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.naming.server import NameServer
+from rtf.middleware.ports import remote
 from rtf.middleware.ports.buffered import BufferedPort
 from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.port import Port
 from rtf.middleware.ports.rpc import RpcServer
+from rtf.middleware.wire.contact import Contact
 from waiting import eventually
 
 if TYPE_CHECKING:
@@ -298,6 +300,22 @@ def test_connections_are_made_and_made_again(tmp_path: Path):
             assert [state for _, state in run.manager.links.states()] == [Link.APART]
         assert not run.manager.links.connect()
         assert run.texts(Kind.FAILED) == ["/a -> /b is not connected: /a and /b are not open"]
+
+
+def test_connection_that_persists_is_kept_by_the_name_server(tmp_path: Path):
+    """It is made again when a port is back, without the manager, until the application is disconnected."""
+    content = ONE_CONNECTION.replace("<connection>", '<connection persist="true" qos="level:low">')
+    with NameServer() as server, closing(RemoteNames(server.contact)) as names:
+        network = Network(names)
+        with lab(application(tmp_path, content), network) as run, Port("/a", network=network) as source:
+            with BufferedPort("/b", network=network):
+                assert run.manager.links.connect()
+                assert remote.connection_qos(network, Contact("/a"), Contact("/b"))[0].tos == 40
+            eventually(lambda: source.outputs == (), "the connection to a closed port stays")
+            with BufferedPort("/b", network=network):
+                eventually(lambda: source.outputs, "the name server does not connect")
+                assert run.manager.links.disconnect()
+                assert "/a" not in " ".join(names.command("subscribe"))
 
 
 def test_name_server_that_is_restarted_in_the_middle(tmp_path: Path):
