@@ -12,20 +12,21 @@ from rtf.middleware.wire import modifiers
 if TYPE_CHECKING:
     from rtf.middleware.carriers.base import Carrier
 
-#: The module and name of each carrier, imported on first use. The order is that in which headers are matched.
+#: The module and name of each carrier, imported on first use. The order is that in which headers are matched: what
+#: programs use comes before what browsers use, whose modules take longest to import.
 _HOMES = {
-    "http": "http:HTTP",
-    "name_ser": "name_ser:NAME_SER",
     "tcp": "stream_carrier:TCP",
     "fast_tcp": "stream_carrier:FAST_TCP",
+    "text": "stream_carrier:TEXT",
+    "text_ack": "stream_carrier:TEXT_ACK",
+    "name_ser": "name_ser:NAME_SER",
     "udp": "datagram:UDP",
     "mcast": "datagram:MCAST",
     "local": "local:LOCAL",
     "human": "human:HUMAN",
-    "text": "stream_carrier:TEXT",
-    "text_ack": "stream_carrier:TEXT_ACK",
     "unix_stream": "unix_stream:UNIX_STREAM",
     "unix_stream+ack": "unix_stream:UNIX_STREAM_ACK",
+    "http": "http:HTTP",
     "mjpeg": "mjpeg:MJPEG",
 }
 
