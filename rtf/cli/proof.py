@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 _EXAMPLES = """\
 rtf proof                          everything, on all cores; hours of robot time in minutes
-rtf proof --fast                   the subset that the project's own tests run
+rtf proof --fast                   the healthy robot, and the faults that are found soonest: some minutes
 rtf proof --test JointLimits       one test
 rtf proof --others                 also without a claim: every test on every fault, about an hour
 rtf proof --limits                 also smaller faults than claimed: from which size on each is found

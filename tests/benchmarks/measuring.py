@@ -101,7 +101,6 @@ def run(command: Command, folder: Path) -> Taken:
     """Run a command to its end, in silence; raises with what it said if it did not succeed."""
     arguments = command.arguments
     environment = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "RTF_"))}
-    environment["PYTHONPYCACHEPREFIX"] = str(folder / "bytecode")  # leaves no trace in the checkout
     environment["PYTHONPATH"] = os.pathsep.join(path for path in sys.path if path)
     with (folder / "said").open("wb+") as said:
         began = clock.monotonic()

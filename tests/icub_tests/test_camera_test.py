@@ -98,7 +98,8 @@ def test_what_is_no_camera_fails(outcome):
 def test_the_rate_of_pictures_is_a_setting(outcome, run_on_robot, measured):
     """The original simulator has 60 a second, and its suites expect them."""
     del outcome  # skips where nothing can be rendered
-    rate = '<parameter name="expected_frequency">60</parameter> <parameter name="tolerance">1</parameter>'
-    fast = run_on_robot(f'<test name="fast"> {rate} CameraTest </test>', cameras="yes", parts="head", camera_rate=60)
+    values = {"expected_frequency": 60, "tolerance": 1, "measure_time": 0.5}
+    rows = "".join(f'<parameter name="{key}">{value}</parameter>' for key, value in values.items())
+    fast = run_on_robot(f'<test name="fast"> {rows} CameraTest </test>', cameras="yes", parts="head", camera_rate=60)
     assert fast.verdict("fast") is Verdict.PASSED, fast.detail("fast")
     assert [event.value for event in measured(fast, "fast", "rate")] == pytest.approx([60.0] * 2, abs=0.5)

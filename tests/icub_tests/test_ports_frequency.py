@@ -5,7 +5,7 @@ import pytest
 from rtf.testing.verdict import MeasurementVerdict, Verdict
 
 FAULTS = {
-    "loss": ("loss /icubSim/head/state:o share=0.3", "/icubSim/head/state:o", "lost"),
+    "loss": ("loss /icubSim/head/state:o share=0.1", "/icubSim/head/state:o", "lost"),
     "duplicate": ("duplicate /icubSim/head/stateExt:o", "/icubSim/head/stateExt:o", "duplicates"),
     "rate": ("wrong_rate /icubSim/left_arm/analog:o", "/icubSim/left_arm/analog:o", "rate"),
     "jitter": ("jitter /icubSim/inertial", "/icubSim/inertial", "jitter"),

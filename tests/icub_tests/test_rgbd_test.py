@@ -27,9 +27,9 @@ def entry(name: str, **parameters: object) -> str:
 
 SUITE = "".join(
     [
-        *(entry(name, inject=f'"{inject}"') for name, inject in CASES.items()),
-        entry("given", known="((0.5 0.95 1.3))", depth_tolerance=1),
-        entry("sky", known="((0.02 0.02 2))"),
+        *(entry(name, inject=f'"{inject}"', time=1) for name, inject in CASES.items()),
+        entry("given", known="((0.5 0.95 1.3))", depth_tolerance=1, time=0.5),
+        entry("sky", known="((0.02 0.02 2))", time=0.5),
         entry("place", known="((0.5 2 1))"),
         entry("absent", portname="/benchSim/other"),
     ]
