@@ -14,13 +14,16 @@ SUITE = f"""
 <test name="healthy"> {TORSO} ControlModes </test>
 <test name="afterwards"> {TORSO} JointLimits </test>
 <test name="torque-is-position"> {TORSO} <parameter name="inject">"wrong_mode torso_roll"</parameter>
-  <parameter name="faults">false</parameter> ControlModes </test>
+  <parameter name="faults">false</parameter> <parameter name="without">(vel mix posd ipwm icur)</parameter>
+  ControlModes </test>
 <test name="shown-late"> {TORSO} <parameter name="inject">"mode_stale torso_roll age=0.6"</parameter>
   <parameter name="faults">false</parameter> <parameter name="without">(vel torq mix posd icur)</parameter>
   ControlModes </test>
-<test name="leaves-faults"> {TORSO} <parameter name="inject">"fault_left torso_pitch"</parameter> ControlModes </test>
+<test name="leaves-faults"> {TORSO} <parameter name="inject">"fault_left torso_pitch"</parameter>
+  <parameter name="without">(vel torq mix posd ipwm icur)</parameter> ControlModes </test>
 <test name="stopped"> <parameter name="part">head</parameter> <parameter name="faults">false</parameter>
-  <parameter name="inject">"torque_bias neck_yaw bias=100 delay=1"</parameter> ControlModes </test>
+  <parameter name="inject">"torque_bias neck_yaw bias=100 delay=1"</parameter>
+  <parameter name="without">(mix posd ipwm icur)</parameter> ControlModes </test>
 <test name="no-such-mode"> {TORSO} <parameter name="without">(fly)</parameter> ControlModes </test>
 """
 

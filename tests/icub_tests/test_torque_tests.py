@@ -23,7 +23,7 @@ ROLL = {"part": "left_arm", "joints": "(1)", "postures": 4, "speed": 60}
 SUITE = "".join([
     entry("references", "TorqueControlConsistency", **ARM),
     entry("references-lost", "TorqueControlConsistency", "missed_command l_elbow", **ARM),
-    entry("references-wrong-mode", "TorqueControlConsistency", "wrong_mode l_elbow", **ARM),
+    entry("references-wrong-mode", "TorqueControlConsistency", "wrong_mode l_elbow", part="left_arm", joints="(3)"),
     entry("references-off", "TorqueControlConsistency", **ARM, zero="(0 45 90)"),
     entry("gravity", "TorqueControlGravityConsistency", **ROLL),
     entry("gravity-bias", "TorqueControlGravityConsistency", "torque_bias l_shoulder_roll", **ROLL),
@@ -38,7 +38,7 @@ SUITE = "".join([
 ])  # fmt: skip
 
 
-#: The test of gravity, of which the tenth measurement fails: the second of the two in a posture.
+#: The test of gravity, of which the tenth measurement fails: the second of the two in the last posture.
 HALFWAY = """
 import sys
 from rtf.robot.errors import RobotError
@@ -61,7 +61,7 @@ def outcome(run_on_robot, tmp_path_factory):
     """One robot for all of them."""
     plugin = tmp_path_factory.mktemp("plugins") / "halfway.py"
     plugin.write_text(HALFWAY)
-    halfway = entry("gravity-halfway", str(plugin), **{**ROLL, "postures": 6})
+    halfway = entry("gravity-halfway", str(plugin), **{**ROLL, "postures": 5})
     return run_on_robot(SUITE + halfway, parts="left_arm")
 
 
