@@ -176,7 +176,7 @@ class Say(TestCase):
 
 
 def png(width: int = 48, height: int = 32, colour: tuple[int, int, int] = (0, 102, 74)) -> bytes:
-    """A picture of one colour."""
+    """Return a picture of one colour."""
 
     def chunk(kind: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))

@@ -1,4 +1,4 @@
-"""What a protocol does with bytes that arrive in any pieces: no socket, no thread."""
+"""A protocol run on bytes that arrive in pieces, without sockets and threads."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ MARK = "RTF_TEST_MARK"
 
 @dataclass
 class Outcome:
-    """What a run came to: exit code, all events of its journal, the results folded from them, and what was printed."""
+    """The outcome of a run: exit code, events of its journal, results, and output."""
 
     exit_code: int
     folder: Path
@@ -41,7 +41,7 @@ class Outcome:
     stderr: str = ""
 
     def of(self, kind: type[Event], **members: object) -> list[Event]:
-        """The events of one class whose members have these values."""
+        """Return the events of one class with these values of members."""
         return [
             event
             for event in self.events
@@ -49,13 +49,13 @@ class Outcome:
         ]
 
     def verdict(self, name: str) -> Verdict | None:
-        """The verdict of the test whose id ends with this name."""
+        """Return the verdict of the test whose id ends with this name."""
         found = [test for test_id, test in self.results.tests.items() if test_id.rpartition("/")[2] == name]
         assert len(found) == 1, f"{name!r} is not one of {[*self.results.tests]}"
         return found[0].verdict
 
     def detail(self, name: str) -> str:
-        """The last word on the test whose id ends with this name."""
+        """Return the detail of the last attempt of the test whose id ends with this name."""
         (found,) = [test for test_id, test in self.results.tests.items() if test_id.rpartition("/")[2] == name]
         assert found.last is not None
         return found.last.detail
@@ -72,7 +72,7 @@ def write_files(folder: Path, files: dict[str, str]) -> None:
 
 
 def read_back(folder: Path) -> tuple[list[Event], RunResult]:
-    """The events of a run's journal, and its results."""
+    """Return the events of a run's journal, and its results."""
     events = [*journal.read(folder)]
     return events, RunResult.of(events)
 
@@ -110,7 +110,7 @@ def run_suite(
 
 
 class Command:
-    """``testrunner`` as a process of its own, in a folder, with a mark by which its descendants are found."""
+    """``testrunner`` as a process in a folder; an environment variable marks its descendants."""
 
     def __init__(self, folder: Path, *arguments: str, **environment: str) -> None:
         self.folder = folder
@@ -135,7 +135,7 @@ class Command:
         return Outcome(self.process.returncode, run_folder, events, results, stdout, stderr)
 
     def signal(self, signum: int = signal.SIGINT) -> None:
-        """Send the runner, and nobody else, a signal."""
+        """Send a signal to the runner only."""
         self.process.send_signal(signum)
 
     def wait_for(self, condition: Callable[[list[Event]], bool], timeout: float = 30.0) -> list[Event]:
@@ -152,7 +152,7 @@ class Command:
         raise AssertionError("the condition did not come about in time")
 
     def left_over(self, timeout: float = 10.0) -> list[psutil.Process]:
-        """The processes of this run that are still there; given a moment to be gone."""
+        """Return the processes of this run that still exist after some time."""
         deadline = clock.Deadline.after(timeout)
         while True:
             found = marked(self.mark)
@@ -162,7 +162,7 @@ class Command:
 
 
 def marked(mark: str) -> list[psutil.Process]:
-    """The living processes that carry a mark."""
+    """Return the running processes with this mark."""
     found = []
     for process in psutil.process_iter():
         try:

@@ -1,4 +1,4 @@
-"""Events with texts that want to be more than text, in every field of every kind; made from the event classes."""
+"""Events with hostile texts in every field of every kind, made from the event classes."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def hostile_run() -> Iterator[Event]:
 
 
 def long_run() -> Iterator[Event]:
-    """A run in which every text is a megabyte long; but for ids, which would make each event longer still."""
+    """A run in which every text is a megabyte long, but for ids, which are repeated in each event."""
     yield _start("long")
     links = {"suite": "s", "test": "s/t", "fixture": "f"}
     yield SuitePlanned(suite="s", name=LONG[0], fixtures=("f",), description=LONG[1])
@@ -111,6 +111,6 @@ def _value(name: str, annotation: str, text: str) -> Any:
 
 
 def _with_text(event: Event, text: str) -> Event:
-    """The event with every text made long that neither links nor chooses."""
+    """Return the event with every free text made long; links and choices stay as they are."""
     texts = [name for name, annotation in type(event).__annotations__.items() if annotation in ("str", "str | None")]
     return replace(event, **{name: text for name in texts if name not in (*_LINKS, "form")})

@@ -14,15 +14,15 @@ part_slice = ICUB.part_slice
 
 
 def joint_to_motor(part: str):
-    """The couplings of a part."""
+    """Return the couplings of a part."""
     return ICUB.parts[part].joint_to_motor
 
 
 def build_icub(options: Options | None = None) -> Plant:
-    """A new model of it."""
+    """Build a new model of it."""
     return build(ICUB, options)
 
 
 def robot_description() -> Path:
-    """Its published description."""
+    """Return the path of its published description."""
     return ICUB.description

@@ -1,4 +1,4 @@
-"""A run with its live page, and its clients: requests, streams of events, and whatever else comes over a socket."""
+"""A run with its live page, and clients of it: requests, streams of events, and raw bytes."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Message:
 
 
 class Stream:
-    """Somebody who follows the run, from the beginning or after so many lines."""
+    """A client that follows the run, from the beginning or after a number of lines."""
 
     def __init__(self, page: Page, after: int | None = None) -> None:
         self._connection = page.connect()
@@ -100,7 +100,7 @@ class Stream:
         raise AssertionError
 
     def close(self) -> None:
-        """Go away."""
+        """Close the connection."""
         self.response.close()
         self._connection.close()
 
@@ -127,11 +127,11 @@ class Page:
         return cls(found["host"], int(found["port"]), found["token"] or "")
 
     def connect(self) -> http.client.HTTPConnection:
-        """A connection."""
+        """Open a connection."""
         return http.client.HTTPConnection(self.host, self.port, timeout=_PATIENCE)
 
     def ask(self, method: str, path: str, body: bytes | None = None, **headers: str) -> Answer:
-        """One request on a connection of its own; ``_`` in the name of a header stands for ``-``."""
+        """Send one request on a connection of its own; ``_`` in the name of a header stands for ``-``."""
         connection = self.connect()
         connection.request(method, path, body, {name.replace("_", "-"): value for name, value in headers.items()})
         response = connection.getresponse()
@@ -142,7 +142,7 @@ class Page:
         return answer
 
     def get(self, path: str, **headers: str) -> Answer:
-        """A GET."""
+        """Send a GET request."""
         return self.ask("GET", path, **headers)
 
     def control(self, what: str, **command: object) -> Answer:
@@ -151,11 +151,11 @@ class Page:
         return self.ask("POST", f"/control/{what}", json.dumps(command).encode(), **headers)
 
     def follow(self, after: int | None = None) -> Stream:
-        """Follow the run."""
+        """Open the stream of the run."""
         return Stream(self, after)
 
     def say(self, data: bytes, *, patience: float = 5.0, close: bool = False) -> bytes:
-        """Send bytes as they are; what comes back until the server closes, or for so long."""
+        """Send bytes; return the answer until the server closes, or until a time-out."""
         with socket.create_connection((self.host, self.port), timeout=patience) as client:
             said = b""
             try:
@@ -170,7 +170,7 @@ class Page:
 
 
 class LiveRun(Command):
-    """A run with its page. What it is to run is given as for the command; the port is any free one."""
+    """A run with its page, with arguments as those of the command; the port is any free one."""
 
     def __init__(self, folder: Path, *arguments: str, **environment: str) -> None:
         super().__init__(folder, *arguments, "-w", "--web-port", "0", **environment)

@@ -1,4 +1,4 @@
-"""Runs put into a history row by row, for tests of what is made of them."""
+"""Runs written directly into a history."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def put(
     tests: dict[str, Verdict | str] | None = None,
     measured: dict[tuple[str, str, str], Measurement | list[Measurement]] | None = None,
 ) -> None:
-    """Put a run in: the verdicts of its tests, and its measurements by test, subject and name."""
+    """Store a run: the verdicts of its tests, and its measurements by test, subject and name."""
     rows = []
     for key, values in (measured or {}).items():
         for count, item in enumerate(values if isinstance(values, list) else [values]):

@@ -1,4 +1,4 @@
-"""Recorded conversations of real programs, and their replay: one end is a recording, the other one of our ports."""
+"""Recorded conversations of real programs, replayed against our ports: one end is the recording, the other a port."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def segments(conversation: list[list[str]]) -> list[Segment]:
 
 
 def receive(connection: socket.socket, size: int) -> bytes:
-    """So many bytes, or what there is until the end."""
+    """Receive this number of bytes, or fewer if the connection ends."""
     data = b""
     while len(data) < size and (part := connection.recv(size - len(data))):
         data += part
@@ -44,7 +44,7 @@ def receive(connection: socket.socket, size: int) -> bytes:
 
 @contextmanager
 def playing(listening: socket.socket, talk: list[Segment]) -> Iterator[list[tuple[bytes, bytes]]]:
-    """Be the recorded server in a thread. When the block is left, what should have been sent to it and what was."""
+    """Play the recorded server in a thread; when the block ends, compare what was sent to it."""
     sent: list[tuple[bytes, bytes]] = []
     listening.settimeout(_PATIENCE)
     thread = threading.Thread(target=_play, args=(listening, talk, sent), daemon=True)

@@ -1,4 +1,4 @@
-"""What robot tests said, and which joints or ports they failed: read from the events of a run."""
+"""Messages of robot tests, and the joints or ports that failed, from the events of a run."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ if TYPE_CHECKING:
 
 
 def said(outcome: Outcome, test: str) -> str:
-    """All messages of a test, a line each."""
+    """Return all messages of a test, one a line."""
     return "\n".join(event.detail for event in outcome.of(Message) if event.test.rpartition("/")[2] == test)
 
 
 def failed_parts(outcome: Outcome, test: str) -> list[str]:
-    """The sub-results of a test that failed, in their order."""
+    """Return the subjects of a test's failed sub-results, in order."""
     ended = outcome.of(SubResultEnded, verdict=Verdict.FAILED)
     return [event.subject for event in ended if event.test.rpartition("/")[2] == test]

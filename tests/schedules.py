@@ -38,7 +38,7 @@ _PATIENCE = 30.0
 
 
 class ScheduleError(AssertionError):
-    """There is a schedule under which the program fails; the message tells it."""
+    """The program fails under a schedule, which the message describes."""
 
 
 class _Abandoned(BaseException):
@@ -153,7 +153,7 @@ class Control:
         return maker, self._made_by[maker]
 
     def told(self) -> str:
-        """The schedule: what each thread was about to do whenever it was asked."""
+        """The schedule: what each thread was about to do at each choice."""
         return "\n".join(self._steps[-80:])
 
     def monotonic(self) -> float:
@@ -268,7 +268,7 @@ class Control:
         return choice.number
 
     def _stop(self, me: ControlledThread) -> None:
-        """Nobody can go on: at the end of everything, or in a deadlock."""
+        """Raise the error of a deadlock, or end the schedule, as no thread can go on."""
         stuck = [one for one in self._threads if one.alive]
         if stuck and not self.failure:
             self.failure = "nobody can go on: " + ", ".join(f"{one} wants to {one.what}" for one in stuck)
@@ -317,7 +317,7 @@ class Control:
 
 
 class ControlledThread:
-    """A real thread that goes on when it is let."""
+    """A real thread that runs only in its turn."""
 
     def __init__(self, control: Control, target: Callable[..., object], args: tuple[Any, ...], name: str) -> None:
         self.name = name
@@ -413,7 +413,7 @@ def start(control: Control, *jobs: Callable[[], object]) -> list[ControlledThrea
 
 
 def together(control: Control, *jobs: Callable[[], object]) -> None:
-    """Do jobs at the same time, to their end; the last of them in this thread, which spares one."""
+    """Run jobs at the same time to their end; the last of them in this thread."""
     threads = start(control, *jobs[:-1])
     jobs[-1]()
     for thread in threads:

@@ -38,18 +38,18 @@ SHIPPED = {
 
 
 def let_go() -> None:
-    """Let go of whatever hangs."""
+    """End the wait of every method that hangs."""
     _released.set()
 
 
 def begin() -> None:
-    """Forget what was called; what hangs from now on hangs."""
+    """Clear the recorded calls; methods that hang from now on do not return."""
     CALLS.clear()
     _released.clear()
 
 
 class Plain(Device):
-    """Does nothing, and has none of the extras."""
+    """A device without optional interfaces."""
 
     def open(self, configuration: Property) -> None:
         """See Device."""
@@ -59,7 +59,7 @@ class Plain(Device):
 
 
 class Scripted(Device):
-    """A device with extras."""
+    """A device with optional interfaces."""
 
     configuration: Property | None = None
 
@@ -164,7 +164,7 @@ class ScriptedCalibrator(Scripted, Calibrator):
 
 
 def install(folder: Path) -> Path:
-    """A folder that makes a program find these devices when it is on its path, as an installed package's."""
+    """Return a folder that, on its path, makes a program find these devices as those of an installed package."""
     info = folder / "scripted_devices-1.0.dist-info"
     info.mkdir(parents=True)
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: scripted-devices\nVersion: 1.0\n")

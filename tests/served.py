@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def served(board: FakeBoard, place: str, *, network: Network, period: float) -> Iterator[ControlBoardDevice]:
-    """Open a board with three joints, and serve it at ``place``, every ``period`` s; what serves it."""
+    """Serve a board of three joints at ``place``, with a state every ``period`` s; yield the server."""
     board.open(Property.parse("(GENERAL (Joints 3))"))
     try:
         server = ControlBoardDevice("server", network=network)

@@ -68,29 +68,29 @@ class Command(NamedTuple):
     moment: float
 
     def value(self, joint: int) -> Any:
-        """The commands to one of the joints."""
+        """Return the value that was commanded to one of the joints."""
         return self.values[self.joints.index(joint)]
 
 
 class Recording:
-    """All that arrived while a suite ran, and how the suite went."""
+    """The commands that arrived while a suite ran, and its outcome."""
 
     def __init__(self, commands: Sequence[Command], outcome: Outcome) -> None:
         self.outcome = outcome
         self._commands = commands
 
     def during(self, test: str) -> list[Command]:
-        """What arrived between the beginning and the end of a test, in its order."""
+        """Return the commands between the beginning and the end of a test, in order."""
         (began,) = self.outcome.of(TestStarted, test=f"s/{test}")
         (ended,) = self.outcome.of(TestEnded, test=f"s/{test}")
         return [one for one in self._commands if began.time <= one.moment <= ended.time]
 
     def told(self, test: str, method: str, joint: int | None = None) -> list[Command]:
-        """Of that the commands of one kind, and to one joint."""
+        """Return the commands of one method, to one joint if it is given."""
         return [one for one in self.during(test) if one.method == method and (joint is None or joint in one.joints)]
 
     def values(self, test: str, method: str, joint: int) -> list[Any]:
-        """What a joint was told by commands of one kind."""
+        """Return the values that one method commanded to a joint."""
         return [one.value(joint) for one in self.told(test, method, joint)]
 
     def in_force(self, test: str, method: str, joint: int) -> list[Any]:
@@ -105,7 +105,7 @@ class Recording:
 
 
 class _Recorder:
-    """Stands between the ports and the boards of the robots that are made after it."""
+    """Records the commands between ports and boards of the robots that are made after it."""
 
     def __init__(self, patch: pytest.MonkeyPatch) -> None:
         self.commands: list[Command] = []
@@ -129,7 +129,7 @@ class _Recorder:
         return recorded
 
     def listen_to_pushes(self, robot: SimulatedRobot, injector: FaultInjector) -> None:
-        """A simulated robot is pushed by a fault of its mechanics, which has a number."""
+        """Record pushes, which are faults of the mechanics of a simulated robot."""
         inject, clear = injector.inject, injector.clear
         places = {part.axis_name(joint): (part, joint) for part in robot.parts.values() for joint in range(part.size)}
         pushed: dict[int | None, tuple[SimulatedPart, int]] = {}

@@ -1,4 +1,4 @@
-"""Waiting for what other threads and processes do: on a condition, never on luck."""
+"""Waiting for other threads and processes until a condition holds."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def open_descriptors() -> int:
-    """How many descriptors this process has; the one for looking is counted each time."""
+    """Return the number of descriptors of this process; the one that is used for counting is always included."""
     return len([*Path("/proc/self/fd").iterdir()])
 
 

@@ -119,10 +119,10 @@ _NETWORK = (
     _network("namespace", "[/NAME]", "the name of the name server", "name_server:namespace"),
 )
 _SIMULATOR = (
-    Command("faults", "[KIND]", "what can be broken", "rtf.cli.simulator:faults"),
-    Command("status", "", "how a simulator is, and what is broken", "rtf.cli.simulator:status"),
-    Command("inject", "KIND [TARGET]", "break something", "rtf.cli.simulator:inject"),
-    Command("clear", "[NUMBER]", "mend it, or everything", "rtf.cli.simulator:clear"),
+    Command("faults", "[KIND]", "the kinds of faults", "rtf.cli.simulator:faults"),
+    Command("status", "", "the state of a simulator, and its faults", "rtf.cli.simulator:status"),
+    Command("inject", "KIND [TARGET]", "inject a fault", "rtf.cli.simulator:inject"),
+    Command("clear", "[NUMBER]", "clear this fault, or all faults", "rtf.cli.simulator:clear"),
 )
 _ROBOT = (
     Command("list", "", "the robots that can be tested", "rtf.cli.robot:list_robots"),

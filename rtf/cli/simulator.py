@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from rtf.simulator.faults import Fault
 
 _EPILOG = """\
-to a simulator that runs (each has its own --help):
-  rtf simulator status                                  how it is, and what is broken
-  rtf simulator inject KIND [TARGET] [NAME=VALUE ...]   break something
-  rtf simulator clear [NUMBER]                          fix it, or everything
-without one:
-  rtf simulator faults [KIND] [--json]                  what can be broken
+commands to a running simulator (each has its own --help):
+  rtf simulator status                                  its state, and its faults
+  rtf simulator inject KIND [TARGET] [NAME=VALUE ...]   inject a fault
+  rtf simulator clear [NUMBER]                          clear this fault, or all faults
+without a running simulator:
+  rtf simulator faults [KIND] [--json]                  the kinds of faults
 
 examples:
   rtf simulator --nameserver                            a whole robot, in real time
@@ -225,7 +225,10 @@ def faults(words: Sequence[str]) -> int:
 @_told
 def status(words: Sequence[str]) -> int:
     """Print the state of a simulator."""
-    parser = Parser(prog="rtf simulator status", description="How a simulator is.")
+    parser = Parser(
+        prog="rtf simulator status",
+        description="Print the state of a simulator: time, participants, contacts and faults.",
+    )
     _add_robot(parser)
     add_dialect(parser)
     options = parser.parse_args(words)
@@ -242,7 +245,7 @@ def inject(words: Sequence[str]) -> int:
     """Inject a fault into a simulator that runs."""
     parser = Parser(
         prog="rtf simulator inject",
-        description="Break something in a simulator that runs; prints the number of the fault, for clear.",
+        description="Inject a fault into a running simulator, and print its number, which is the argument of clear.",
         epilog="example:\n  rtf simulator inject encoder_drift l_elbow rate=0.5 --delay 2 --duration 10",
     )
     _add_robot(parser)
@@ -278,7 +281,7 @@ def clear(words: Sequence[str]) -> int:
     """Remove a fault, or all faults, from a simulator that runs."""
     parser = Parser(
         prog="rtf simulator clear",
-        description="Fix a simulator that runs; prints how many faults were taken out.",
+        description="Clear faults of a running simulator, and print how many were cleared.",
     )
     _add_robot(parser)
     add_dialect(parser)

@@ -27,12 +27,12 @@ _T = TypeVar("_T")
 
 
 class RunOverError(RuntimeError):
-    """The run is over, because it broke; the record and the summary say why."""
+    """The run was aborted by an error, which the journal and the summary report."""
 
 
 @dataclass(slots=True)
 class _Order(Generic[_T]):
-    """Something to be done in the run's thread."""
+    """A call to be executed in the thread of the run."""
 
     work: Callable[[SuiteWorker], _T]
     result: _T | None = None
@@ -70,11 +70,11 @@ class Conductor:
         self._thread = threading.Thread(target=self._execute, name="rtf-run", daemon=True)
 
     def start(self) -> None:
-        """Begin the run."""
+        """Start the run."""
         self._thread.start()
 
     def begin_suite(self, suite: TestSuite) -> None:
-        """Make ready for tests of a suite."""
+        """Prepare the run for tests of a suite."""
 
         def work(worker: SuiteWorker) -> None:
             self._run.plan(replace(suite, tests=()))
@@ -83,11 +83,14 @@ class Conductor:
         self._have_done(work)
 
     def end_suite(self) -> None:
-        """Take down the fixtures of the suite that was begun."""
+        """Tear down the fixtures of the present suite."""
         self._have_done(lambda _worker: self._suite.close())
 
     def bring_up(self, suite: TestSuite, test: TestEntry) -> bool:
-        """Bring up what a test stands on. When it is false, :meth:`run` says at once why the test cannot be started."""
+        """Start the fixtures of a test.
+
+        Returns False if the test cannot be started; :meth:`run` then reports the reason.
+        """
 
         def work(worker: SuiteWorker) -> bool:
             self._run.plan(replace(suite, tests=(test,)))
@@ -96,16 +99,16 @@ class Conductor:
         return self._have_done(work)
 
     def run(self, test: TestEntry) -> None:
-        """Run a test up to its final end."""
+        """Run a test to its final verdict, retries included."""
         self._have_done(lambda worker: worker.run_test(test))
 
     @property
     def interrupted(self) -> bool:
-        """Whether somebody, at the live page maybe, has asked the run to stop."""
+        """Whether the run was asked to stop, for example at the live page."""
         return self._run.control.stage > 0
 
     def close(self) -> None:
-        """End the run: everything is down, the record is closed, reports are written. Safe to call more than once."""
+        """End the run: tear down fixtures, close the journal, write reports. May be called repeatedly."""
         with self._lock:
             self._closing = True
             self._wake()

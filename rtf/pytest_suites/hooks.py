@@ -1,4 +1,4 @@
-"""The hooks that a session with suites needs beside those of every session."""
+"""The hooks of pytest that are registered only in a session with suites."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class SuiteHooks:
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_collection_modifyitems(self, config: pytest.Config, items: list[pytest.Item]) -> None:
-        """Say which tests belong on one worker of pytest-xdist, for they share a fixture or need each other."""
+        """Group the tests that pytest-xdist must run on one worker, as they share a fixture or need each other."""
         if config.getoption("forked", False) and any(suite_items(items)):
             raise pytest.UsageError("--forked: a robot test has a process of its own already; leave --forked out")
         if not config.pluginmanager.hasplugin("xdist"):
@@ -52,7 +52,7 @@ class SuiteHooks:
     def pytest_runtest_makereport(
         self, item: pytest.Item, call: pytest.CallInfo[None]
     ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-        """Say what a test came to in our words, where it is what the test came to."""
+        """Replace the words of the report by those of the verdict."""
         report = yield
         if isinstance(item, SuiteItem) and item.told is not None and call.when in ("setup", "call"):
             if call.when == "call":
@@ -66,7 +66,7 @@ class SuiteHooks:
 
     @pytest.hookimpl(wrapper=True, trylast=True)
     def pytest_sessionfinish(self, session: pytest.Session) -> Generator[None, object, object]:
-        """End the run, when pytest has taken down what was up, and before it says what came of everything."""
+        """End the run after pytest's teardown and before its summary."""
         result = yield
         self._shared.close(session)
         told = getattr(session.config, "workeroutput", None)
@@ -75,7 +75,7 @@ class SuiteHooks:
         return result
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
-        """Say where the record is."""
+        """Print the paths of the run folder and the reports."""
         for line in self._shared.summary():
             terminalreporter.write_line(line)
 

@@ -1,4 +1,4 @@
-"""What the plug-in hears of a run, as a reporter like any other: each test's events, and what befell the fixtures."""
+"""The reporter of the plug-in: it collects the events of each test, and the incidents of fixtures."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Told:
-    """All that is known of a test that has ended; ``incidents`` are those of fixtures since the test before it."""
+    """What is known of a test that has ended; ``incidents`` are those of fixtures since the test before it."""
 
     result: TestResult
     ended: TestEnded
@@ -27,29 +27,29 @@ class Told:
 
     @property
     def bad_cases(self) -> list[TestResult]:
-        """The cases of a program that did not pass. pytest, which collected the program alone, hears of them by it."""
+        """The cases of a program that did not pass. pytest has collected the program only, and reports them with it."""
         return [case for case in self.result.cases if not case.good]
 
     @property
     def verdict(self) -> Verdict:
-        """What is said of the test; of a program, together with its cases."""
+        """The verdict of the test; that of a program includes its cases."""
         if self.ended.verdict.good and self.bad_cases:
             return Verdict.FAILED
         return self.ended.verdict
 
     @property
     def last(self) -> AttemptEvents:
-        """The attempt that settled it, or an empty one if it never started."""
+        """The last attempt, or an empty one if the test was never started."""
         return next((attempt for attempt in reversed(self.attempts) if attempt.started), AttemptEvents())
 
     @property
     def earlier(self) -> list[AttemptEvents]:
-        """The attempts before that one."""
+        """The attempts before the last one."""
         return [attempt for attempt in self.attempts if attempt.started][:-1]
 
 
 class Listener(Reporter):
-    """Keeps what a test's report is made of until it is asked for. The run's thread tells, pytest's asks."""
+    """Collects the events of each test until its report is made. The run's thread writes, pytest's thread reads."""
 
     plugin_name = "pytest"
 
@@ -62,7 +62,7 @@ class Listener(Reporter):
         self.broken: list[InternalError] = []
 
     def handle(self, event: Event, results: RunResult) -> None:
-        """Take one event."""
+        """Collect one event."""
         attempts = self._events.take(event)
         if attempts is not None:
             result = results.tests[event.test]  # type: ignore[attr-defined]
@@ -79,7 +79,7 @@ class Listener(Reporter):
             self.broken.append(event)
 
     def take_test(self, test: str) -> Told | None:
-        """What became of a test, once."""
+        """Return what was collected of a test, and forget it."""
         result, attempts = self._ended.pop(test, (None, []))
         if result is None or result.last is None:
             return None
@@ -87,6 +87,6 @@ class Listener(Reporter):
         return Told(result, result.last, attempts, tuple(incidents))
 
     def take_suite_problems(self) -> list[FixtureIncident | Message]:
-        """What went wrong with a suite and its fixtures, other than under its tests, since the last time."""
+        """Return the problems of a suite and its fixtures outside of tests since the last call."""
         problems, self._suite_problems = self._suite_problems, []
         return problems

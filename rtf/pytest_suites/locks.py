@@ -50,12 +50,12 @@ class FixtureLocks:
             self._held.append(offset)
 
     def release(self) -> None:
-        """Let the others go on."""
+        """Release the locks."""
         while self._held:
             fcntl.lockf(self._descriptor, fcntl.LOCK_UN, 1, self._held.pop())
 
     def close(self) -> None:
-        """Let go of the file, and so of every lock."""
+        """Close the lock file, which releases every lock."""
         self._held.clear()
         if self._descriptor >= 0:
             os.close(self._descriptor)
@@ -63,7 +63,7 @@ class FixtureLocks:
 
 
 def locks_of(uses: Iterable[Use]) -> dict[int, int]:
-    """Where to lock, and in which way: what is shared, and what is for this worker alone."""
+    """Return the locks of fixtures, and for each whether it is shared or of this worker only."""
     locks: dict[int, int] = {}
     for thing, param in uses:
         place = _offset(thing)

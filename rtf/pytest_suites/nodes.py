@@ -35,13 +35,13 @@ _ACTED_UPON = frozenset(
 
 
 class SuiteFile(pytest.File):
-    """A suite file. Its fixtures are up while its tests run, and down before another suite's tests do."""
+    """A suite file. Its fixtures are torn down before those of another suite are started."""
 
     _suite: TestSuite | None = None
     _begun = False
 
     def collect(self) -> Iterable[pytest.Item]:
-        """Load the suite. A file with errors is not collected at all: it is not the suite that was meant."""
+        """Load the suite and collect its tests; nothing is collected of a file with errors."""
         suite, loaded = self.shared.load(self.path)
         if suite is None:
             raise self.CollectError("\n".join(_said(diagnosed) for diagnosed in loaded.diagnostics) or "not a suite")
@@ -53,7 +53,7 @@ class SuiteFile(pytest.File):
 
     @property
     def shared(self) -> SuiteSession:
-        """What it shares with the other suites of the session."""
+        """The session object, which all suites share."""
         return SuiteSession.of(self.config)
 
     @property
@@ -68,7 +68,7 @@ class SuiteFile(pytest.File):
         return self.shared.conductor(lambda: planned_suites(self.session.items))
 
     def setup(self) -> None:
-        """Make ready for the suite's tests. Fixtures come up with the first test that needs them."""
+        """Prepare the run for the suite. Fixtures are started by the first test that needs them."""
         if self.config.getoption("setupplan", False):
             return
         conductor = self.conductor
@@ -78,7 +78,7 @@ class SuiteFile(pytest.File):
         conductor.begin_suite(self.suite)
 
     def teardown(self) -> None:
-        """Take the fixtures down, and tell what went wrong with them and no test has told."""
+        """Tear down the fixtures, and report those problems that no test has reported."""
         if not self._begun:
             return
         self._begun = False
@@ -106,7 +106,7 @@ class SuiteItem(pytest.Item):
 
     @property
     def suite_file(self) -> SuiteFile:
-        """The file it is from."""
+        """The file of the suite."""
         assert isinstance(self.parent, SuiteFile)
         return self.parent
 
@@ -119,13 +119,13 @@ class SuiteItem(pytest.Item):
         self.add_marker(name)
 
     def reportinfo(self) -> tuple[Path, int | None, str]:
-        """Where the test stands in its suite, or in the file that is included there; and the heading of its failure."""
+        """Return the place of the test in its suite or an included file, and the heading of its failure."""
         at = self.test.location
         heading = f"{self.suite_file.suite.name}: {self.name}"  # a mere name would be shown with dots as colons
         return Path(at.file) if at.file else self.path, max(0, at.line - 1), shown(heading)
 
     def setup(self) -> None:
-        """Bring up what the test stands on. What cannot be started fails here."""
+        """Start the fixtures of the test. A test that cannot be started fails here."""
         self.told = self.raised = None
         if self.config.getoption("setupplan", False):
             return
@@ -168,7 +168,7 @@ class SuiteItem(pytest.Item):
 
 
 def marker_name(tag: str) -> str:
-    """The name of the marker that a tag becomes: what ``-m`` can read, and nothing that pytest would act upon."""
+    """Return the marker for a tag: a name that ``-m`` can read and that has no meaning for pytest."""
     name = _NOT_IN_A_MARKER.sub("_", tag)
     return f"tag_{name}" if name.startswith("_") or name in _ACTED_UPON else name
 
@@ -179,7 +179,7 @@ def _said(diagnosed: Diagnosed) -> str:
 
 
 def planned_suites(items: Iterable[pytest.Item]) -> list[TestSuite]:
-    """The suites of a session with those of their tests that were selected, in the order of the first of each."""
+    """Return the suites of a session with their selected tests, in the order of their first tests."""
     selected: dict[SuiteFile, list[TestEntry]] = {}
     for item in suite_items(items):
         selected.setdefault(item.suite_file, []).append(item.test)
@@ -187,5 +187,5 @@ def planned_suites(items: Iterable[pytest.Item]) -> list[TestSuite]:
 
 
 def suite_items(items: Iterable[pytest.Item]) -> Iterator[SuiteItem]:
-    """Those items that are tests of suites."""
+    """Return the items that are tests of suites."""
     return (item for item in items if isinstance(item, SuiteItem))

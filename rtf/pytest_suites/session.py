@@ -1,4 +1,4 @@
-"""What all suites of a pytest session share: the settings, the one run, its record and its reports."""
+"""The state that all suites of a pytest session share: settings, run, journal and reports."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class SuiteSession:
     # Collecting --------------------------------------------------------------------------------------------------
 
     def load(self, path: Path) -> tuple[TestSuite | None, Plan]:
-        """Read a suite file. There is no suite when something is wrong with it."""
+        """Read a suite file. Returns None for a file with errors."""
         loaded = load_files([(path, True)], self._settings.variables, lenient=self._settings.lenient)
         if loaded.has_errors or not loaded.suites:
             return None, loaded
@@ -97,7 +97,7 @@ class SuiteSession:
 
     @property
     def locks(self) -> FixtureLocks | None:
-        """What keeps other workers from the fixtures that this one has up."""
+        """The locks that keep other workers from using a fixture at the same time."""
         return self._locks
 
     def _begin(self, suites: list[TestSuite]) -> Conductor:
@@ -180,7 +180,7 @@ class SuiteSession:
     # The end -----------------------------------------------------------------------------------------------------
 
     def close(self, session: pytest.Session) -> None:
-        """End the run and let go of everything. Safe to call more than once."""
+        """End the run and release all resources. May be called repeatedly."""
         if self._conductor is not None and not self._closed:
             self._conductor.close()
             self._closed = True
@@ -191,16 +191,16 @@ class SuiteSession:
             self._locks.close()
 
     def farewell(self) -> dict[str, Any]:
-        """What a worker tells the session that started it."""
+        """Return the results that a worker of xdist sends to its controller."""
         return {"lines": self.summary(), "broken": self.broken}
 
     @property
     def broken(self) -> bool:
-        """Whether the framework or a reporter broke."""
+        """Whether the framework or a reporter has failed."""
         return bool(self._left_behind) or (self._listener is not None and bool(self._listener.broken))
 
     def summary(self) -> list[str]:
-        """Where the record and the reports are, and what broke."""
+        """Return the lines with the paths of run folder and reports, and with errors of the framework."""
         if self.run_folder is None:
             return []
         lines = [f"robot tests: {near_path(str(self.run_folder))}"]

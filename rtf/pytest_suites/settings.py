@@ -1,4 +1,4 @@
-"""What the command line and the ini file say about robot tests, checked once, before anything is collected."""
+"""The settings of robot tests from command line and ini file, checked before anything is collected."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Settings:
 
     @classmethod
     def of(cls, config: pytest.Config) -> Settings:
-        """The settings of a session. Raises pytest.UsageError, which names the option and the hint."""
+        """Return the settings of a session. Raises pytest.UsageError, which names the option and has a hint."""
         known = config.stash.get(_KEY, None)
         if known is None:
             known = config.stash[_KEY] = _read(config)
@@ -89,7 +89,7 @@ def _report(text: str) -> tuple[str, str]:
 
 
 class _Values:
-    """Looks a value up: on the command line, then in the ini file."""
+    """Looks up a setting: on the command line, then in the ini file."""
 
     def __init__(self, config: pytest.Config) -> None:
         self._config = config
@@ -106,7 +106,7 @@ class _Values:
         return lines + [_checked(f"--rtf-{name}", text, read) for text in self._config.getoption(f"rtf_{name}")]
 
     def path(self, name: str) -> Path | None:
-        """A path: of the command line relative to where it was typed, of the ini file to that."""
+        """Return a path: relative to the working folder if it is from the command line, else to the ini file."""
         option: str | None = self._config.getoption(f"rtf_{name}")
         if option:
             return self._config.invocation_params.dir / option

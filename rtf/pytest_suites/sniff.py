@@ -1,4 +1,4 @@
-"""Whether an XML file is a suite, by its first bytes: nothing of ours is loaded for the many files that are none."""
+"""Recognition of suites by the first bytes of an XML file, without loading the runner."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a test came to, in words: the line of the short summary, the text of a failure, the sections below it."""
+"""Texts of reports: the line of the short summary, the text of a failure, and the sections below it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _CASES = 20
 
 
 def headline(told: Told) -> str:
-    """The one line by which a test that did not pass is told of."""
+    """Return the line of the short summary for a test that did not pass."""
     problems = told.last.problems
     if told.verdict is Verdict.FAILED and problems and problems[0].detail in ("", told.ended.detail):
         first = problems[0]
@@ -34,7 +34,7 @@ def headline(told: Told) -> str:
 
 
 def explanation(told: Told) -> str:
-    """All that is to be said of a test that did not pass."""
+    """Return the text of the failure of a test."""
     said = _last_word(told)
     # What the runner itself noted is its last word, too.
     parts = [problem_text(message) for message in told.last.problems if message.file or message.detail != said]
@@ -63,7 +63,7 @@ def _problem_of(case: TestResult) -> str:
 
 
 def where(told: Told) -> tuple[str, int]:
-    """File and line of the first problem, or of the test in its suite."""
+    """Return file and line of the first problem, or of the test in its suite."""
     for message in told.last.problems:
         if message.file and message.line:
             return message.file, message.line
@@ -71,7 +71,7 @@ def where(told: Told) -> tuple[str, int]:
 
 
 def sections(told: Told) -> Iterator[tuple[str, str]]:
-    """What was said, measured and written, by the name of the section; empty ones are left out."""
+    """Return messages, measurements and output by the name of the section, without empty ones."""
     parts = {
         "log": _lines(_log(told.last)),
         "stdout": _output(told.last, "stdout"),
@@ -86,13 +86,13 @@ def sections(told: Told) -> Iterator[tuple[str, str]]:
 
 
 def suite_problem(event: FixtureIncident | Message) -> str:
-    """What went wrong with a suite or its fixtures beside its tests."""
+    """Return the problems of a suite or its fixtures outside of tests."""
     text = problem_text(event) if isinstance(event, Message) else incident_text(event)
     return cut(shown(text), _SECTION_LIMIT)
 
 
 def earlier_attempt(attempt: AttemptEvents) -> str:
-    """What an attempt before the last one came to, in one line or several."""
+    """Return the outcome of an earlier attempt, in one or more lines."""
     number = attempt.started.attempt if attempt.started else "?"
     ended = attempt.ended
     said = f"{ended.outcome}: {ended.detail or ended.reason}" if ended else "it never ended"

@@ -37,11 +37,11 @@ _PASSED = (Verdict.PASSED, Verdict.MEASURED, Verdict.FLAKY)
 
 
 class NotTestedError(Exception):
-    """A robot test said nothing of the robot: it could not be carried out."""
+    """A robot test could not be carried out, so the robot was not judged."""
 
 
 def exception_for(told: Told, config: pytest.Config, *, anything_red: bool) -> BaseException | None:
-    """The exception by which pytest learns what a test came to; none for a pass."""
+    """Return the exception that reports a verdict to pytest; None for a pass."""
     verdict = told.verdict
     if verdict is Verdict.UNEXPECTED_PASS and config.getoption("runxfail", False):
         return None
@@ -59,7 +59,7 @@ def exception_for(told: Told, config: pytest.Config, *, anything_red: bool) -> B
 
 
 def warn_about(item: pytest.Item, told: Told) -> None:
-    """Warn of what a passing test would hide."""
+    """Issue a warning for what the report of a passing test does not show."""
     if told.verdict is Verdict.FLAKY:
         first = texts.earlier_attempt(told.earlier[0]) if told.earlier else "it failed before"
         item.warn(FlakyTestWarning(f"passed at attempt {told.ended.attempt}; {one_line(first)}"))
@@ -68,7 +68,7 @@ def warn_about(item: pytest.Item, told: Told) -> None:
 
 
 def longrepr(told: Told, raised: BaseException) -> ReprExceptionInfo:
-    """The text of a test that did not pass, with its line for the summary and its place."""
+    """Return the text of a failed test, with the line for the summary and its place."""
     headline, text = texts.headline(told), texts.explanation(told)
     if isinstance(raised, Warning):
         headline = f"{type(raised).__name__}: {raised}"

@@ -6,11 +6,11 @@ import pytest
 
 
 class RobotTestWarning(pytest.PytestWarning):
-    """Something about robot tests that is no failure, and that somebody should know."""
+    """A notice about robot tests that is not a failure."""
 
 
 class SuiteFileWarning(RobotTestWarning):
-    """A suite file says something that is probably not what was meant."""
+    """A statement of a suite file that is probably a mistake."""
 
 
 class FlakyTestWarning(RobotTestWarning):
@@ -18,4 +18,4 @@ class FlakyTestWarning(RobotTestWarning):
 
 
 class FixtureWarning(RobotTestWarning):
-    """A fixture collapsed, and was brought up again."""
+    """A fixture collapsed, and was started again."""

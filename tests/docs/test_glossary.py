@@ -43,5 +43,5 @@ def test_the_terms_are_found():
 
 @pytest.mark.parametrize("term", terms())
 def test_a_term_is_in_use(term: str, words: str):
-    """A term that neither the code nor another page has is no term any more; its plural counts."""
+    """Each term occurs in the code or on another page; its plural counts."""
     assert re.search(rf"\b{_words(term)}(s|es)?\b", words), f"{term!r} is in the glossary only: remove it"

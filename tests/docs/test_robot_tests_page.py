@@ -1,4 +1,4 @@
-"""The page on robot tests and the tests say the same."""
+"""The table of the page on robot tests is that of the tests."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ ROOT = Path(__file__).parents[2]
 
 
 def test_the_table_is_current():
-    """It is what the tests declare, to the letter: python tools/robot_test_catalogue.py docs/robot-tests.md."""
+    """It is the output of python tools/robot_test_catalogue.py docs/robot-tests.md."""
     page = (ROOT / "docs" / "robot-tests.md").read_text(encoding="utf-8")
     assert with_table(page, as_markdown(entries())) == page
 
 
 def test_the_table_is_complete():
-    """Every file has its test in it, under a name that is in no other row, and says what it does."""
+    """Each file has a row with its test, under a name of its own, and a description."""
     found = entries()
     assert len(found) == len([*(ROOT / "icub_tests").glob("*.py")])
     names = [name for one in found for name in (one.name, *one.aliases)]
@@ -27,12 +27,12 @@ def test_the_table_is_complete():
 
 
 def test_every_test_is_in_a_suite():
-    """A test that no suite runs is forgotten."""
+    """Each test is in one of the shipped suites."""
     assert [one.name for one in entries() if one.suite == "in no suite"] == []
 
 
 def test_the_safety_is_what_a_run_obeys():
-    """What is inherited counts, too."""
+    """Inherited values count, too."""
     by_name = {one.name: one.safety for one in entries()}
     assert by_name["JointLimits"] is Safety.MOTION
     assert by_name["MotorEncodersSignCheck"] is Safety.EFFORT  # from its base

@@ -1,4 +1,4 @@
-"""Robot tests run as people run them: by the runner, in a suite with a name server and a simulated robot."""
+"""Robot tests are run by the runner, in a suite with a name server and a simulated robot."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ _NAMES_ONLY = '<suite name="s"><fixture name="names"> yarpserver </fixture>'
 
 
 class Runs(Protocol):
-    """What the fixture gives."""
+    """The type of :func:`run_on_robot`."""
 
     def __call__(self, tests: str, *, limit: float = 240.0, robot: bool = True, **simulator: object) -> Outcome:
-        """Run them to their end."""
+        """Run the tests to their end."""
         ...
 
 
 @pytest.fixture(scope="module")
 def run_on_robot(tmp_path_factory: pytest.TempPathFactory) -> Runs:
-    """Runs tests, written as in a suite, one after the other on one simulated robot with such parameters."""
+    """Run tests, written as in a suite, one after the other on one simulated robot with these parameters."""
 
     def run(tests: str, *, limit: float = 240.0, robot: bool = True, **simulator: object) -> Outcome:
         folder = tmp_path_factory.mktemp("robot")
@@ -42,22 +42,22 @@ def run_on_robot(tmp_path_factory: pytest.TempPathFactory) -> Runs:
 
 
 class Records(Protocol):
-    """What the fixture gives."""
+    """The type of :func:`record_on_robot`."""
 
     def __call__(self, tests: str, *parts: str) -> Recording:
-        """Run them to their end, and tell what reached the boards."""
+        """Run the tests to their end, and return the commands that reached the boards."""
         ...
 
 
 @pytest.fixture(scope="module")
 def record_on_robot(tmp_path_factory: pytest.TempPathFactory) -> Records:
-    """Runs tests, written as in a suite, on a simulated robot with some parts, whose boards keep what they are told."""
+    """Run tests, written as in a suite, on a simulated robot with some parts, and record all commands to its boards."""
     return lambda tests, *parts: run_recorded(tmp_path_factory.mktemp("recorded"), tests, parts)
 
 
 @pytest.fixture
 def measured():
-    """Finds what a test measured: ``measured(outcome, test, name, subject)``."""
+    """Return the measurements of a test: ``measured(outcome, test, name, subject)``."""
 
     def find(outcome: Outcome, test: str, name: str, subject: str = "") -> list[Measured]:
         from rtf.testing.events import Measured

@@ -53,19 +53,19 @@ def test_lost_capacity_is_found(outcome, measured, name, expected):
 
 
 def test_a_frozen_gauge_is_found(outcome):
-    """As such: it is no battery that loses nothing."""
+    """The failure says that the gauge does not change, and not that the battery loses nothing."""
     assert outcome.verdict("frozen") is Verdict.FAILED
     assert "repeats one reading" in outcome.detail("frozen")
 
 
 @pytest.mark.parametrize("name", ["elsewhere", "incomplete"])
 def test_other_faults_are_not_its_business(outcome, name):
-    """Those of another sensor, and lost messages: the current is integrated by the stamps."""
+    """It passes with faults of other sensors and with lost messages: the current is integrated by the stamps."""
     assert outcome.verdict(name) is Verdict.PASSED
 
 
 def test_bounds_and_ports_are_checked(outcome, measured):
-    """A battery that is too hot fails, and one that is not there."""
+    """A battery that is too hot, and a missing port, are failures."""
     assert outcome.verdict("hot") is Verdict.FAILED
     (highest,) = measured(outcome, "hot", "highest temperature")
     assert (highest.value, highest.high) == (25.0, 20.0)
@@ -87,7 +87,7 @@ def test_a_coarse_gauge_needs_a_longer_test(run_on_robot, tmp_path):
 
 
 def test_a_robot_without_a_battery_is_no_failure_of_its_battery(run_on_robot):
-    """The error says where to describe it."""
+    """The error names the place where a battery is described."""
     outcome = run_on_robot('<test name="none"> BatteryTest </test>', parts="head")
     assert outcome.verdict("none") is Verdict.ERROR
     assert "icub has no battery" in outcome.detail("none")

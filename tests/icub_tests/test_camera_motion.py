@@ -40,6 +40,6 @@ def test_healthy_pictures_move_as_the_field_of_view_says(outcome, measured):
 
 @pytest.mark.parametrize("name", [name for name, (inject, _) in CASES.items() if inject])
 def test_each_fault_is_found_at_its_camera(outcome, name):
-    """With what it is."""
+    """The failure names the camera and the fault."""
     assert outcome.verdict(name) is Verdict.FAILED
     assert CASES[name][1] in outcome.detail(name)

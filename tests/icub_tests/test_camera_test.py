@@ -1,4 +1,4 @@
-"""CameraTest on the simulated robot, which renders what its eyes see."""
+"""CameraTest on the simulated robot, whose cameras render the scene."""
 
 import pytest
 from robot_test_catalogue import entries
@@ -49,7 +49,7 @@ def outcome(run_on_robot):
 
 
 def test_healthy_cameras_pass(outcome, measured):
-    """Both eyes are counted and looked at; they are turned, for otherwise nothing would change, and then all does."""
+    """Rate and pictures of both eyes are judged; the simulated eyes turn, so that every picture differs."""
     assert outcome.verdict("healthy") is Verdict.PASSED
     assert [event.subject for event in measured(outcome, "healthy", "width")] == [
         "/icubSim/cam/left",
@@ -60,13 +60,13 @@ def test_healthy_cameras_pass(outcome, measured):
 
 
 def test_nobody_is_asked_for_what_does_not_move():
-    """Only simulated eyes are turned: on a real robot the test is as still as it says."""
+    """Only simulated eyes turn, so the test needs no permission to move on a real robot."""
     (camera,) = [entry for entry in entries() if entry.name == "CameraTest"]
     assert camera.safety is Safety.STILL
 
 
 def test_a_picture_is_kept(outcome):
-    """What each eye saw last is attached as a picture."""
+    """The last picture of each eye is attached."""
     kept = [event for event in outcome.of(Attached) if event.test.endswith("/healthy")]
     assert {event.media_type for event in kept} == {"image/png"}
     assert len(kept) == 2
@@ -75,7 +75,7 @@ def test_a_picture_is_kept(outcome):
 
 @pytest.mark.parametrize("name", CASES)
 def test_each_fault_is_found_at_its_camera_only(outcome, measured, name):
-    """The camera that is broken fails in what is broken about it; the other one does not fail."""
+    """The faulty camera fails in the property that the fault changes; the other camera does not fail."""
     _, side, what = CASES[name]
     assert outcome.verdict(name) is Verdict.FAILED
     failed = {

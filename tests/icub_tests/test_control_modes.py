@@ -40,7 +40,7 @@ def failures_of(outcome, test):
 
 
 def test_a_healthy_part_answers_every_request_in_every_mode(outcome, measured):
-    """All pairs of the table that can be brought about were really tried, with every joint."""
+    """Each joint is given each pair of mode and request of the table that can be brought about."""
     assert outcome.verdict("healthy") is Verdict.PASSED
     states = (*USER_MODES, ControlMode.IDLE, ControlMode.HARDWARE_FAULT)
     pairs = [pair for pair in TRANSITIONS if pair[0] in states]
@@ -50,7 +50,7 @@ def test_a_healthy_part_answers_every_request_in_every_mode(outcome, measured):
 
 
 def test_what_was_asked_for_is_recorded_beside_what_was_read(outcome):
-    """By the numbers of the legend; but for moments on the way, they are the same on a healthy robot."""
+    """As the numbers of the legend. On a healthy robot they differ only while a mode changes."""
     series = outcome.of(SeriesRecorded, name="modes", test="s/healthy")
     assert [one.subject for one in series] == ["torso_yaw", "torso_roll", "torso_pitch"]
     with np.load(outcome.folder / series[0].path) as data:
@@ -61,7 +61,7 @@ def test_what_was_asked_for_is_recorded_beside_what_was_read(outcome):
 
 
 def test_modes_that_are_shown_late_are_late_not_wrong(outcome, measured):
-    """By how much is measured, and the other joints are not late."""
+    """The delay is measured, and the other joints have none."""
     assert outcome.verdict("shown-late") is Verdict.FAILED
     assert failures_of(outcome, "shown-late") == {"torso_roll"}
     assert "torso_roll shows a new mode after 0.6" in outcome.detail("shown-late")
@@ -72,7 +72,7 @@ def test_modes_that_are_shown_late_are_late_not_wrong(outcome, measured):
 
 
 def test_the_part_is_fit_for_work_afterwards(outcome):
-    """It has its currents and its modes again."""
+    """Maximum currents and modes are restored."""
     assert outcome.verdict("afterwards") is Verdict.PASSED
 
 
@@ -93,7 +93,7 @@ def test_a_wrong_answer_fails_at_its_joint_only(outcome, test, joint, words):
 
 
 def test_a_joint_that_has_to_be_stopped_ends_nothing_but_its_own_part(outcome, measured):
-    """It fails by its name, and the other joints go through all their modes without it."""
+    """The failure names it, and the other joints go through all their modes without it."""
     assert outcome.verdict("stopped") is Verdict.FAILED
     assert failures_of(outcome, "stopped") == {"neck_yaw"}
     tried = measured(outcome, "stopped", "requests tried")
@@ -102,14 +102,14 @@ def test_a_joint_that_has_to_be_stopped_ends_nothing_but_its_own_part(outcome, m
 
 
 def test_a_mode_that_does_not_exist_is_an_error(outcome):
-    """The words that there are stand beside it."""
+    """The error lists the valid words."""
     assert outcome.verdict("no-such-mode") is Verdict.ERROR
     assert "icur" in outcome.detail("no-such-mode")
 
 
 @pytest.mark.parametrize("without", [[], [ControlMode.CURRENT], [ControlMode.TORQUE, ControlMode.MIXED]])
 def test_a_walk_makes_every_request_in_every_mode(without):
-    """From whatever mode it begins in, with few requests twice, and with none that the robot has not got."""
+    """From any first mode, with few requests made twice, and without the modes that the robot lacks."""
     states = [state for state in STATES if state in (*USER_MODES, ControlMode.IDLE)]
     walk = ModeWalk(states, without)
     needed, made, state = walk.pairs, [], ControlMode.POSITION

@@ -1,4 +1,4 @@
-"""Tests by efforts on boards as iCubs have them: coupled joints change modes together, no torque range is told."""
+"""Tests of efforts on boards as iCubs have them: coupled joints change modes together, and no torque range is known."""
 
 import pytest
 
@@ -42,7 +42,7 @@ EFFORTS = {
 
 @pytest.fixture(scope="module")
 def recording(record_on_robot):
-    """A torso with such boards."""
+    """The run on a torso with such boards."""
     part = simulated_part.SimulatedPart
     change = part.set_control_modes
 
@@ -64,13 +64,13 @@ def recording(record_on_robot):
 
 @pytest.mark.parametrize("test", [*EFFORTS, "gravity", "impedance", "modes"])
 def test_a_healthy_part_passes(recording, test):
-    """What its boards do not tell, or do together, is no fault of any joint."""
+    """A missing torque range, and modes that change together, fail no joint."""
     assert recording.outcome.verdict(test) is Verdict.PASSED, recording.outcome.detail(test)
 
 
 @pytest.mark.parametrize("test", EFFORTS)
 def test_a_joint_that_loses_its_controller_with_another_is_told_what_held_it(recording, test):
-    """From the moment on at which the other one enters the mode; and it does not go far."""
+    """It is commanded the effort that held it from the moment when the other one enters the mode, and moves little."""
     method, mode = EFFORTS[test]
     entered = next(one for one in recording.told(test, "set_control_modes", ROLL) if one.value(ROLL) is mode)
     told = recording.told(test, method, PITCH)
@@ -82,7 +82,7 @@ def test_a_joint_that_loses_its_controller_with_another_is_told_what_held_it(rec
 
 
 def test_a_torque_is_commanded_where_no_range_is_told(recording):
-    """A small one, in every mode that does not take it."""
+    """A small one, in every mode that ignores it."""
     told = recording.values("modes", "set_reference_torques", 0)
     assert told
     assert {abs(one) for one in told} == {0.5}

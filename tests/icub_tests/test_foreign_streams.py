@@ -1,4 +1,4 @@
-"""CameraTest and FtSensorTest on the streams of a robot that is no simulated one, and of which little is known."""
+"""CameraTest and FtSensorTest on the streams of a robot that is not simulated and has no model."""
 
 from contextlib import ExitStack
 
@@ -62,7 +62,7 @@ SUITE = "".join([
 
 
 class Camera(FakeFrameGrabber):
-    """A camera that shows some pictures again, or nothing but one line; its time is that of their numbers."""
+    """A camera that repeats pictures, or shows a single line; the time of a picture follows from its number."""
 
     count = 0
 
@@ -79,7 +79,7 @@ class Camera(FakeFrameGrabber):
 
 
 class Repeating(FakeAnalogSensor):
-    """A sensor of which the first channels never change; its values are ``made`` of those of another."""
+    """A sensor whose first channels never change; ``made`` computes its values from those of another sensor."""
 
     def __init__(self, name, network, made):
         super().__init__(name, network=network)
@@ -90,7 +90,7 @@ class Repeating(FakeAnalogSensor):
 
 
 class Feet(Device, IMultipleAnalogSensors):
-    """Two sensors of forces, of which one has a name that nobody knows, and a gyroscope."""
+    """Two force sensors, one of them with an unknown name, and a gyroscope."""
 
     def open(self, configuration):
         """See Device."""
@@ -114,7 +114,7 @@ class Feet(Device, IMultipleAnalogSensors):
 
 
 def devices(network):
-    """What the robot has, each with what serves it, by what its ports begin with."""
+    """The devices of the robot and the servers of each, by the beginning of their port names."""
     for name in CAMERAS:
         yield f"/bot/cam/{name}", Camera(name, network), FrameGrabberDevice
     for place in ("left_leg", "left_hand"):
@@ -144,12 +144,12 @@ def outcome(tmp_path_factory):
 
 
 def verdicts(outcome, test):
-    """Those of the sub-results of a test."""
+    """The verdicts of a test's sub-results."""
     return {one.subject: one.verdict for one in outcome.of(SubResultEnded, test=f"s/{test}")}
 
 
 def failures(outcome, test):
-    """What a test said of what is wrong."""
+    """The texts of a test's failures."""
     return [one.detail for one in outcome.of(Message, test=f"s/{test}", severity=Severity.FAILURE)]
 
 
@@ -164,7 +164,7 @@ def failures(outcome, test):
     ],
 )
 def test_no_two_pictures_of_a_real_camera_are_the_same(outcome, measured, camera, failed):
-    """A driver that shows each twice, a camera that stands still half of the time, and one that blinks are found."""
+    """Pictures sent twice, a camera that is frozen half of the time, and one that flickers are found."""
     what = ("repeated pictures", "same picture in a row")
     found = [one for name in what for one in measured(outcome, "cameras", name, f"/{camera}")]
     assert {one.name for one in found} == {*what}
@@ -179,7 +179,7 @@ def test_one_bright_line_is_a_picture(outcome, measured):
 
 
 def test_a_load_that_nobody_knows_is_not_passed(outcome, measured):
-    """Rate and noise say nothing of it; the sentence says the hint, and the mean is reported."""
+    """It is inconclusive: rate and noise do not show the load. The message has the hint, and the mean is reported."""
     assert outcome.verdict("unknown") is Verdict.INCONCLUSIVE
     assert "the load of /bot/left_hand/analog:o is unknown" in outcome.detail("unknown")
     assert "or give expected" in outcome.detail("unknown")
@@ -189,14 +189,14 @@ def test_a_load_that_nobody_knows_is_not_passed(outcome, measured):
 
 
 def test_a_load_that_is_not_to_be_judged_is_skipped(outcome):
-    """In sight of anyone who reads the report, beside what was judged."""
+    """The report shows the skipped sub-result beside those that were judged."""
     assert outcome.verdict("not-asked") is Verdict.PASSED
     port = "/bot/left_leg/analog:o"
     assert verdicts(outcome, "not-asked") == {port: Verdict.PASSED, f"{port}/load": Verdict.SKIPPED}
 
 
 def test_sensors_in_one_message_are_judged_one_by_one(outcome):
-    """Also where there are others in it; they are found without being named unless they have ports of their own."""
+    """Also beside sensors of other kinds; those without ports of their own are found by themselves."""
     feet = "/bot/feet/measures:o"
     assert verdicts(outcome, "all") == dict.fromkeys(
         ["/bot/left_leg/analog:o", feet, f"{feet}/l_leg_ft", f"{feet}/odd"], Verdict.PASSED
@@ -204,7 +204,7 @@ def test_sensors_in_one_message_are_judged_one_by_one(outcome):
 
 
 def test_what_is_coarse_is_not_frozen(outcome):
-    """Neither two channels beside others that change, nor whole numbers at rest, of which nobody can tell."""
+    """Neither two constant channels beside others that change, nor whole numbers at rest."""
     port = "/bot/{}/analog:o".format
     assert verdicts(outcome, "again") == {
         port("coarse"): Verdict.PASSED,
@@ -216,7 +216,7 @@ def test_what_is_coarse_is_not_frozen(outcome):
 
 
 def test_what_is_wrong_is_said_in_terms_of_the_sensor(outcome):
-    """With likely causes: at the end of its range, and dead in its torques alone."""
+    """A sensor at the end of its range, or with dead torques only; with likely causes."""
     (full,) = failures(outcome, "full")
     assert "/bot/left_leg/analog:o is saturated" in full
     assert "likely: " in full

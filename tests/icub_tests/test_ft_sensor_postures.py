@@ -35,7 +35,7 @@ def test_a_healthy_sensor_has_gains_of_one(outcome, measured):
 
 
 def test_a_wrong_gain_is_told(outcome, measured):
-    """Of each channel."""
+    """The gain of each channel is measured."""
     assert outcome.verdict("gain") is Verdict.FAILED
     gains = [one.value for what in ("force x", "torque z") for one in measured(outcome, "gain", f"gain of {what}")]
     assert gains == pytest.approx([0.8, 0.8], abs=0.01)
@@ -43,7 +43,7 @@ def test_a_wrong_gain_is_told(outcome, measured):
 
 
 def test_exchanged_axes_are_named(outcome):
-    """Of forces and of torques; the third one is right."""
+    """The axes of forces and of torques; the third axis passes."""
     assert outcome.verdict("axes") is Verdict.FAILED
     text = said(outcome, "axes")
     for one, other in (("x", "y"), ("y", "x")):

@@ -56,7 +56,7 @@ def test_a_healthy_robot_shows_its_weight(outcome, measured):
     ],
 )
 def test_each_fault_is_found_at_its_sensor_only(outcome, measured, name, port, what):
-    """The sensor that is broken fails, and no other."""
+    """The faulty sensor fails, and no other."""
     assert outcome.verdict(name) is Verdict.FAILED
     failed = {event.subject for event in outcome.events if getattr(event, "verdict", None) is MeasurementVerdict.FAILED
               and event.test.endswith(f"/{name}")}  # fmt: skip
@@ -65,7 +65,7 @@ def test_each_fault_is_found_at_its_sensor_only(outcome, measured, name, port, w
 
 
 def test_other_faults_are_not_its_business(outcome):
-    """A unit that is mounted turned is no fault of these sensors."""
+    """A rotated inertial unit fails none of these sensors."""
     assert outcome.verdict("elsewhere") is Verdict.PASSED
 
 

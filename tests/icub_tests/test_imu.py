@@ -73,7 +73,7 @@ def test_a_wrong_gain_is_told_for_each_axis(outcome, measured):
 
 
 def test_the_neck_is_really_moved(outcome, measured):
-    """Each joint goes to both sides of home, and the unit turns as fast as was asked for."""
+    """Each joint moves to both sides of home, and the unit turns with the requested speed."""
     for joint in ("neck_pitch", "neck_roll", "neck_yaw"):
         assert measured(outcome, "healthy", f"motion of {joint}")[0].value > 28
     (series,) = outcome.of(SeriesRecorded, test="s/healthy", name="turning rate")
@@ -82,14 +82,14 @@ def test_the_neck_is_really_moved(outcome, measured):
 
 
 def test_a_turned_unit_is_told_by_how_much(outcome):
-    """The failure names the unit, and the angle and axis by which it is misaligned."""
+    """The failure names the unit, and the angle and axis of its misalignment."""
     assert outcome.verdict("turned") is Verdict.FAILED
     said = [event.detail for event in outcome.of(Message, severity=Severity.FAILURE) if "misaligned" in event.detail]
     assert any("head_imu_0" in one and ("by 20." in one or "by 19." in one) for one in said), said
 
 
 def test_a_unit_that_is_turned_a_little_is_found_by_its_turn(outcome, measured):
-    """It is measured with its interval, which is far less than what it is beyond its limit, and has likely causes."""
+    """The angle has an interval much smaller than its excess over the limit, and likely causes."""
     (turn,) = measured(outcome, "a-little", "turn of its mounting")
     (interval,) = measured(outcome, "a-little", "interval of the turn of its mounting (99 %)")
     assert turn.value == pytest.approx(5.0, abs=interval.value)
@@ -99,7 +99,7 @@ def test_a_unit_that_is_turned_a_little_is_found_by_its_turn(outcome, measured):
 
 
 def test_a_joint_that_is_stuck_fails_by_its_name(outcome, measured):
-    """What the unit feels of the others is judged all the same."""
+    """The unit is still judged by the other joints."""
     assert failed_parts(outcome, "stuck") == ["neck_yaw"]
     assert "neck_yaw (/icubSim/head joint 2) draws" in said(outcome, "stuck")
     assert "the motor of neck_yaw does not turn at a duty cycle of +100 %; likely: a broken" in said(outcome, "stuck")
@@ -108,19 +108,19 @@ def test_a_joint_that_is_stuck_fails_by_its_name(outcome, measured):
 
 
 def test_a_unit_that_stands_still_is_found(outcome, measured):
-    """A unit that repeats itself while the head moves fails, and is not taken for a turned one."""
+    """A unit that repeats its values while the head moves fails, and not as a misaligned one."""
     assert outcome.verdict("frozen") is Verdict.FAILED
     assert any("never changed" in event.detail for event in outcome.of(Message, test="s/frozen"))
     assert not measured(outcome, "frozen", "turn of its mounting")
 
 
 def test_a_wrong_frame_in_the_model_is_found(outcome):
-    """A description in which the unit is mounted otherwise does not agree with the robot."""
+    """The test fails with a description in which the unit is mounted with another orientation."""
     assert outcome.verdict("model") is Verdict.FAILED
 
 
 def test_what_cannot_be_tested_is_an_error(outcome):
-    """A unit that is not there, and joints that carry it and are in no part, are errors that name them."""
+    """A missing unit, and joints that carry it and belong to no part, are errors that name them."""
     assert outcome.verdict("unknown") is Verdict.ERROR
     assert "head_imu_7" in outcome.detail("unknown")
     assert outcome.verdict("parts") is Verdict.ERROR
@@ -128,7 +128,7 @@ def test_what_cannot_be_tested_is_an_error(outcome):
 
 
 def test_units_that_are_elsewhere_are_named(outcome):
-    """Robots have them at other ports: the error names the servers of sensors that are registered."""
+    """The error names the registered servers of sensors."""
     assert outcome.verdict("elsewhere") is Verdict.ERROR
     assert "/icubSim/inertials does not report its units" in outcome.detail("elsewhere")
     assert "; inertial units are at /icubSim/inertial: set the parameter port" in outcome.detail("elsewhere")

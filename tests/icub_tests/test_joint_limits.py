@@ -40,7 +40,7 @@ def outcome(run_on_robot):
 
 
 def test_a_healthy_part_reaches_all_its_limits(outcome, measured):
-    """Each joint is measured at both of its limits, and was there: the record of its way says so."""
+    """Each joint is measured at both limits, and its recorded positions reach them."""
     assert outcome.verdict("healthy") is Verdict.PASSED
     for axis in PARTS["head"]:
         for side in ("upper", "lower"):
@@ -56,7 +56,7 @@ def test_a_healthy_part_reaches_all_its_limits(outcome, measured):
 
 
 def test_a_limit_that_is_too_narrow_fails_though_it_is_reached(outcome, measured):
-    """By a degree: the robot's model says what it has to be."""
+    """It is a degree less than in the robot's model."""
     assert outcome.verdict("too-narrow") is Verdict.FAILED
     (limit,) = measured(outcome, "too-narrow", "upper limit", "neck_yaw")
     assert (limit.value, limit.low, limit.high) == pytest.approx((49.0, 49.5, 50.5))
@@ -75,7 +75,7 @@ def test_a_limit_that_cannot_be_reached_fails_at_its_joint_only(outcome, measure
 
 
 def test_a_board_that_does_not_keep_its_limits_pushes_against_the_stop(outcome, measured):
-    """The joint stands at its mechanical stop; what gives it away is the output of its controller."""
+    """The joint is at its mechanical stop, so that only the output of its controller shows the fault."""
     assert outcome.verdict("pushes-on") is Verdict.FAILED
     (tilt,) = measured(outcome, "pushes-on", "push beyond the upper limit", "eyes_tilt")
     assert tilt.value > tilt.high
@@ -84,13 +84,13 @@ def test_a_board_that_does_not_keep_its_limits_pushes_against_the_stop(outcome, 
 
 
 def test_limits_that_can_be_reached_are_compared_with_those_that_are_expected(outcome):
-    """A neck that may only roll by 20 degrees is not one of 25."""
+    """A limit of 20 degrees fails where 25 are expected."""
     assert outcome.verdict("too-low") is Verdict.FAILED
     assert "not 25 deg; likely: a limit of another joint" in outcome.detail("too-low")
 
 
 def test_a_joint_that_runs_away_is_stopped_and_fails_alone(outcome, measured):
-    """What the guard sees is a failure of the robot at that joint; those beside it and before it are judged."""
+    """The stop by the guard is a failure of this joint; the joints before and after it are judged."""
     assert outcome.verdict("runs-away") is Verdict.FAILED
     assert failed_parts(outcome, "runs-away") == ["neck_yaw"]
     assert "it was stopped" in outcome.detail("runs-away")
@@ -99,7 +99,7 @@ def test_a_joint_that_runs_away_is_stopped_and_fails_alone(outcome, measured):
 
 
 def test_a_joint_that_is_stopped_beside_another_is_blamed_itself(outcome, measured):
-    """Of the one that had its turn then nothing is said; the one after it is judged."""
+    """The joint whose turn it was has no verdict; the next one is judged."""
     assert outcome.verdict("beside") is Verdict.FAILED
     assert failed_parts(outcome, "beside") == ["neck_yaw"]
     assert measured(outcome, "beside", "short of the lower limit", "neck_roll") == []
@@ -107,7 +107,7 @@ def test_a_joint_that_is_stopped_beside_another_is_blamed_itself(outcome, measur
 
 
 def test_a_joint_that_does_not_come_home_hides_no_other(outcome, measured):
-    """It fails by its name; all others are measured at both limits."""
+    """The failure names it; all others are measured at both limits."""
     assert outcome.verdict("dead") is Verdict.FAILED
     assert failed_parts(outcome, "dead") == ["neck_yaw"]
     assert "neck_yaw (/icubSim/head joint 2) does not move" in outcome.detail("dead")
@@ -117,7 +117,7 @@ def test_a_joint_that_does_not_come_home_hides_no_other(outcome, measured):
 
 
 def test_limits_without_a_range_are_a_failure_of_their_joint(outcome, measured):
-    """To find a wrong configuration is what the test is for."""
+    """A wrong configuration is what the test is to find."""
     assert outcome.verdict("no-range") is Verdict.FAILED
     assert failed_parts(outcome, "no-range") == ["neck_yaw"]
     assert "swapped or missing limits in the configuration" in outcome.detail("no-range")
@@ -125,7 +125,7 @@ def test_limits_without_a_range_are_a_failure_of_their_joint(outcome, measured):
 
 
 def test_wrong_parameters_are_errors_that_say_what_there_is(outcome):
-    """No joint moves for them."""
+    """No joint moves, and the error lists the valid values."""
     assert outcome.verdict("no-such-joint") is Verdict.ERROR
     assert "neck_pitch" in outcome.detail("no-such-joint")
     assert outcome.verdict("one-value-too-few") is Verdict.ERROR

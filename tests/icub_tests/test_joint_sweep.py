@@ -34,7 +34,7 @@ def outcome(run_on_robot):
 
 
 def test_a_healthy_torso_is_swept_from_end_to_end(outcome, measured):
-    """Also its coupled joints agree with their motors all the way; each was near both of its limits."""
+    """Coupled joints agree with their motors on the whole way; each joint comes near both limits."""
     assert outcome.verdict("healthy") is Verdict.PASSED, outcome.detail("healthy")
     for axis in PARTS["torso"]:
         (error,) = measured(outcome, "healthy", "error over the range", axis.name)
@@ -48,7 +48,7 @@ def test_a_healthy_torso_is_swept_from_end_to_end(outcome, measured):
 
 
 def test_spikes_are_counted_at_the_encoder_that_has_them(outcome, measured):
-    """A spike of five degrees is no frozen encoder, and what it hides is judged all the same."""
+    """Spikes of five degrees do not count as a frozen encoder, and the other checks go on."""
     assert failed_parts(outcome, "spikes") == ["torso_yaw"]
     (motors,) = measured(outcome, "spikes", "spikes of the motor encoder", "torso_yaw")
     (joints,) = measured(outcome, "spikes", "spikes of the joint encoder", "torso_yaw")
@@ -67,6 +67,6 @@ def test_a_sticky_place_is_found_where_it_is(outcome, measured):
 
 
 def test_a_jam_that_comes_and_goes_is_no_sticky_place(outcome):
-    """It is found in the move in which it was, and where it does not return."""
+    """It is found in the move that it stopped, at a place that the next move passes."""
     assert failed_parts(outcome, "jams") == ["torso_yaw"]
     assert "in one of its moves, and not in the others" in said(outcome, "jams")

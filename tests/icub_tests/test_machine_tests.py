@@ -1,4 +1,4 @@
-"""Tests of machines, and of the wrapper of the skin: they need no robot."""
+"""The tests of machines, and of the wrapper of the skin, which need no robot."""
 
 import struct
 import threading
@@ -44,7 +44,7 @@ class HastySkin(runpy.run_path({str(SKIN_WRAPPER)!r})["SkinWrapperTest"]):
 
 
 class TimeServer(threading.Thread):
-    """Answers questions for the time, a second late."""
+    """A time server whose clock is a second behind."""
 
     def __init__(self):
         super().__init__(daemon=True)
@@ -53,7 +53,7 @@ class TimeServer(threading.Thread):
         self.place = f"127.0.0.1:{self.socket.getsockname()[1]}"
 
     def run(self):
-        """Answer until something comes that is no question."""
+        """Answer requests until a message arrives that is none."""
         while True:
             question, asker = self.socket.recvfrom(100)
             if len(question) != 48:
@@ -103,7 +103,7 @@ def outcome(tmp_path_factory):
 
 
 def test_machines_are_asked_without_anybody_being_asked(outcome):
-    """Each machine is asked all three questions, in batch mode and with a limit of time; answers are measured."""
+    """Each machine is asked three questions by ssh in batch mode, with a time-out, and the answers are measured."""
     assert outcome.verdict("cluster") is Verdict.PASSED
     assert {event.subject for event in outcome.of(Measured, test="s/cluster")} == {"pc104", "icub@icub16"}
     asked = (outcome.folder.parents[1] / "asked").read_text()
@@ -115,13 +115,13 @@ def test_machines_are_asked_without_anybody_being_asked(outcome):
 
 
 def test_without_machines_there_is_nothing_to_test(outcome):
-    """No host is a reason to skip that says how hosts are given."""
+    """Without hosts the test is skipped; the reason names the parameter."""
     assert outcome.verdict("nobody") is Verdict.SKIPPED
     assert "hosts=" in outcome.detail("nobody")
 
 
 def test_a_machine_that_is_down_hides_no_other(outcome):
-    """That one cannot be asked is an error; that another has wrong limits is a failure all the same."""
+    """It is an error, and wrong limits of another machine are still a failure."""
     said = {event.subject: event for event in outcome.of(Message, test="s/down") if event.severity.name == "ERROR"}
     assert "No route to host" in said["down"].detail
     low = [event for event in outcome.of(Measured, test="s/down") if event.subject == "wrong"]
@@ -150,7 +150,7 @@ LOAD = "processes that want to run, mean of 1 min"
 
 
 def test_more_than_the_processors_can_do_fails(outcome):
-    """It is judged without being asked for, as many processes as processors, and says what may be the cause."""
+    """Without a limit, as many processes as processors may run; a failure has likely causes."""
     (usual,) = outcome.of(Measured, test="s/status", name=LOAD)
     assert usual.high == psutil.cpu_count()
     (crowded,) = outcome.of(Measured, test="s/crowded", name=LOAD)
@@ -160,7 +160,7 @@ def test_more_than_the_processors_can_do_fails(outcome):
 
 
 def test_a_busy_machine_fails_no_simulated_robot(run_on_robot):
-    """What waits for a processor delays nobody there; who gives a limit means it."""
+    """There it delays nothing, unless a limit is given."""
     entries = "<test name='usual'> SystemStatus </test>"
     entries += "<test name='given'> <parameter name='load'>0.000001</parameter> SystemStatus </test>"
     outcome = run_on_robot(entries, parts="head")
@@ -186,7 +186,7 @@ def test_limits_are_judged(outcome):
 
 
 def test_the_clock_is_compared_with_a_server(outcome):
-    """A clock that is a second behind the server's is told so, and fails."""
+    """A clock that is a second ahead of the server's fails."""
     assert outcome.verdict("clock") is Verdict.FAILED
     (ahead,) = outcome.of(Measured, test="s/clock", name="clock is ahead by")
     assert ahead.value == pytest.approx(-1000.0, abs=30.0)
@@ -201,7 +201,7 @@ def test_the_skin_wrapper_keeps_to_its_names(outcome):
 
 
 def test_a_skin_that_sends_too_little_fails(outcome):
-    """By its port, how much came and how much was due, with likely causes."""
+    """The failure has port, received and expected messages, and likely causes."""
     assert outcome.verdict("slow-skin") is Verdict.FAILED
     said = [one.detail for one in outcome.of(Message, test="s/slow-skin") if one.detail.startswith("messages of")]
     assert "/slow/one/skin sends 0 messages in 0.1 s, " in said[0]

@@ -1,4 +1,4 @@
-"""ModelsConsistency, which needs no robot."""
+"""ModelsConsistency, which compares descriptions and needs no robot."""
 
 import pytest
 
@@ -12,7 +12,7 @@ ELBOW = '<joint name="l_elbow"'
 
 @pytest.fixture(scope="module")
 def outcome(tmp_path_factory):
-    """One run: both models as they are, one with a longer forearm, and what cannot be read."""
+    """One run: equal models, one with a longer forearm, and models that cannot be read."""
     folder = tmp_path_factory.mktemp("models")
     text = robot_description().read_text(encoding="utf-8")
     begin = text.index('xyz="', text.index(ELBOW)) + len('xyz="')
@@ -32,12 +32,12 @@ def outcome(tmp_path_factory):
 
 
 def distances(outcome, test):
-    """How far apart each link is at most, m."""
+    """The greatest distance of each link (m)."""
     return {event.subject: event for event in outcome.of(Measured, test=f"s/{test}", name="greatest distance")}
 
 
 def test_the_description_and_the_simulator_agree(outcome):
-    """An implementation that shares nothing with the engine finds all links at the same places."""
+    """Kinematics that do not use the engine give the same places of all links."""
     assert outcome.verdict("same") is Verdict.PASSED
     found = distances(outcome, "same")
     assert set(found) == {"l_hand", "r_hand", "l_foot", "r_foot", "head", "chest"}
@@ -45,7 +45,7 @@ def test_the_description_and_the_simulator_agree(outcome):
 
 
 def test_a_changed_length_is_found_where_it_matters(outcome):
-    """A forearm that is 5 mm off moves that hand by as much, and nothing else."""
+    """A forearm that is 5 mm longer moves its hand by 5 mm, and no other link."""
     assert outcome.verdict("longer") is Verdict.FAILED
     found = distances(outcome, "longer")
     assert [name for name, event in found.items() if event.verdict is MeasurementVerdict.FAILED] == ["l_hand"]

@@ -37,7 +37,7 @@ def outcome(run_on_robot):
 
 
 def test_a_healthy_arm_follows_both_signs(outcome, measured):
-    """Motor and joint go where the duty cycle drives them, by about what ends a ramp; coupled motors, too."""
+    """Motor and joint turn with the sign of the duty cycle, by about the distance that ends a ramp."""
     assert outcome.verdict("healthy") is Verdict.PASSED, outcome.detail("healthy")
     for joint in ("l_shoulder_roll", "l_elbow"):
         for sign in ("positive", "negative"):
@@ -78,18 +78,18 @@ def test_each_wrong_sign_is_named_for_what_it_is(outcome, name, joint, words):
 
 
 def test_a_joint_that_does_not_obey_is_left_idle(outcome):
-    """Nobody gives a joint back to a controller that turns it the wrong way."""
+    """A controller that turns it the wrong way gets it back in no mode."""
     assert "l_elbow is left idle" in said(outcome, "motor")
 
 
 def test_keys_of_shipped_files_are_taken(outcome, measured):
-    """The misspelt key, too, ends the ramps earlier."""
+    """Also the misspelt one, which ends ramps earlier."""
     assert outcome.verdict("misspelt") is Verdict.PASSED, outcome.detail("misspelt")
     (found,) = measured(outcome, "misspelt", "motor follows a positive duty cycle", "l_elbow")
     assert found.value < 6.0
 
 
 def test_a_list_of_the_wrong_length_is_an_error(outcome):
-    """It says which one, and moves nothing."""
+    """The error names the list, and nothing moves."""
     assert outcome.verdict("too-many") is Verdict.ERROR
     assert "pwmStep has 3 values" in outcome.detail("too-many")

@@ -32,7 +32,7 @@ def outcome(run_on_robot):
 
 
 def test_the_stiction_is_the_dry_friction_of_the_drive(outcome, measured):
-    """Gravity, which is more, is not taken for it."""
+    """Although the load of gravity is greater."""
     assert outcome.verdict("healthy") is Verdict.PASSED, outcome.detail("healthy")
     axis = AXES[INDEX["l_elbow"]]
     (found,) = measured(outcome, "healthy", "stiction")
@@ -49,7 +49,7 @@ def test_a_dry_joint_fails_by_what_was_added(outcome, measured):
 
 
 def test_what_does_not_move_is_not_driven_beyond_the_maximum(outcome):
-    """The duty cycle ends where it should, in both directions."""
+    """In both directions."""
     assert outcome.verdict("jammed") is Verdict.FAILED
     assert "l_elbow does not move" in outcome.detail("jammed")
     for event in outcome.of(SeriesRecorded, test="s/jammed", subject="l_elbow"):
@@ -59,7 +59,7 @@ def test_what_does_not_move_is_not_driven_beyond_the_maximum(outcome):
 
 
 def test_a_joint_that_meets_something_is_tested_elsewhere(outcome):
-    """Its mechanical stop is a degree away, which says nothing of its motor: it moves from a place with more room."""
+    """A mechanical stop is a degree away: the joint is tested at a place with more room, and passes."""
     assert outcome.verdict("in-the-way") is Verdict.PASSED, outcome.detail("in-the-way")
     assert "l_elbow does not move with a negative duty cycle at 16.0 deg: tried at 31.0 deg" in said(
         outcome, "in-the-way"
@@ -67,7 +67,7 @@ def test_a_joint_that_meets_something_is_tested_elsewhere(outcome):
 
 
 def test_a_joint_at_the_edge_of_its_friction_correct_creep(outcome):
-    """However often it is tested: none of the ramps begins where the joint has fallen to."""
+    """In all repetitions no ramp begins at a place to which the joint has crept."""
     assert outcome.verdict("right") is Verdict.PASSED, outcome.detail("right")
     ramps = [event for event in outcome.of(SeriesRecorded, test="s/right") if "duty cycle" in event.name]
     assert len(ramps) == 8  # so near to what is allowed each time counts
@@ -77,13 +77,13 @@ def test_a_joint_at_the_edge_of_its_friction_correct_creep(outcome):
 
 
 def test_an_encoder_that_jitters_is_named(outcome):
-    """Its joint is never seen at rest, and it is not gravity that moves it: the motor rests."""
+    """Its joint is never at rest; the failure does not blame gravity, as the motor is at rest."""
     assert outcome.verdict("noisy") is Verdict.INCONCLUSIVE
     assert "the joint's encoder is noisy" in outcome.detail("noisy")
 
 
 def test_a_motor_far_from_the_limit_is_tested_once(outcome):
-    """Nothing that another measurement could say would change what is said of it."""
+    """Another measurement could not change the verdict."""
     assert len([*outcome.of(SeriesRecorded, test="s/healthy")]) == 2
 
 

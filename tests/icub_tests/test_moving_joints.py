@@ -69,7 +69,7 @@ def positions_of(outcome, test, name, subject="", column="position"):
 
 @pytest.mark.parametrize("test", ["motors", "references", "references-slow", "open-loop", "stress"])
 def test_a_healthy_robot_passes(outcome, test):
-    """With a file of old in the case of the motors, a slow acceleration, or no parameter but the part."""
+    """MotorTest with the parameters of an old file, the others with the part as their only parameter."""
     assert outcome.verdict(test) is Verdict.PASSED, outcome.detail(test)
 
 
@@ -100,7 +100,7 @@ def test_a_fault_fails_at_its_joint(outcome, test, joint):
     ],
 )
 def test_a_joint_that_does_not_come_home_hides_no_other(outcome, measured, test, measurement):
-    """It fails by its name, with causes; the others are tested."""
+    """The failure names it, with causes; the others are tested."""
     assert outcome.verdict(test) is Verdict.FAILED
     assert failed_in(outcome, test) == {"torso_yaw"}
     assert "a broken motor cable" in outcome.detail(test)
@@ -108,7 +108,7 @@ def test_a_joint_that_does_not_come_home_hides_no_other(outcome, measured, test,
 
 
 def test_joints_that_are_not_in_the_mode_have_causes(outcome):
-    """As every failure of the robot has."""
+    """The message has likely causes."""
     texts = [message.detail for message in outcome.of(Message, severity=Severity.FAILURE, test="s/open-loop-no-mode")]
     wrong = [text for text in texts if "not in PWM mode" in text]
     assert wrong
@@ -116,7 +116,7 @@ def test_joints_that_are_not_in_the_mode_have_causes(outcome):
 
 
 def test_what_joints_were_told_is_recorded_beside_what_they_did(outcome):
-    """Targets as they were, and the way of a speed."""
+    """Targets of moves, and positions that follow from a commanded speed."""
     assert set(positions_of(outcome, "motors", "single move", "torso_yaw single", "target")) == {3.0}
     told = positions_of(outcome, "stress", "stress", "torso_yaw", "target")
     assert np.unique(told).tolist() == pytest.approx([-10.0, 0.0, 10.0], abs=0.01)
@@ -127,7 +127,7 @@ def test_what_joints_were_told_is_recorded_beside_what_they_did(outcome):
 
 
 def test_each_motor_moves_alone_then_all_then_as_a_group(outcome, measured):
-    """Every joint really went to its target and back: single, all together, and as a group."""
+    """Each joint moves to its target and back in each form."""
     for name in NAMES:
         for kind, begin, end in (("single", 0.0, 3.0), ("all", 3.0, 0.0), ("group", 0.0, 3.0)):
             positions = positions_of(outcome, "motors", f"{kind} move", f"{name} {kind}")
@@ -138,7 +138,7 @@ def test_each_motor_moves_alone_then_all_then_as_a_group(outcome, measured):
 
 
 def test_another_number_of_axes_is_a_failure_and_a_missing_target_an_error(outcome):
-    """The one says something of the robot, the other of the parameters."""
+    """The number of axes belongs to the robot, the targets are parameters."""
     assert outcome.verdict("other-axes") is Verdict.FAILED
     assert "3 axes, not 4" in outcome.detail("other-axes")
     assert outcome.verdict("one-target-too-few") is Verdict.ERROR
@@ -146,7 +146,7 @@ def test_another_number_of_axes_is_a_failure_and_a_missing_target_an_error(outco
 
 
 def test_every_reference_is_commanded_and_read_back(outcome, measured):
-    """What is commanded is not what it was before: a test that sends nothing would pass otherwise."""
+    """Each commanded value differs from the one before, so that a test that sends nothing fails."""
     commanded = {"target position": 5.0, "reference duty cycle": 2.0, "reference velocity": 5.0, "speed": 5.0}
     for what, size in commanded.items():
         events = measured(outcome, "references", what)
@@ -163,14 +163,14 @@ def test_the_open_loop_is_driven_both_ways(outcome, measured):
 
 
 def test_joints_that_share_motors_are_driven_together(outcome, measured):
-    """Or the controller of one would drive the motor of the other, which looks as if it were not told the truth."""
+    """Else the controller of one would drive the motor of the other, which would look like a lost command."""
     assert outcome.verdict("open-loop-pitch") is Verdict.PASSED
     events = measured(outcome, "open-loop-pitch", "output at 1 %")
     assert {event.subject for event in events} == {"torso_roll", "torso_pitch"}
 
 
 def test_a_joint_that_has_to_be_stopped_is_left_out(outcome, measured):
-    """It fails and is named; of what shares its motors nothing is said, and the others are driven to the end."""
+    """It fails; joints that share its motors get no verdict, and the others are driven to the end."""
     assert outcome.verdict("open-loop-beyond-limits") is Verdict.FAILED
     assert failed_in(outcome, "open-loop-beyond-limits") == {"torso_roll"}
     assert "beyond its limits; it was stopped" in outcome.detail("open-loop-beyond-limits")
@@ -179,7 +179,7 @@ def test_a_joint_that_has_to_be_stopped_is_left_out(outcome, measured):
 
 
 def test_stress_moves_each_joint_to_and_fro(outcome, measured):
-    """Each joint leaves home on both sides, where its limits let it, and comes back."""
+    """Each joint moves to both sides of home within its limits, and returns."""
     for name in NAMES:
         positions = positions_of(outcome, "stress", "stress", name)
         assert positions.max() > 4.0
@@ -189,6 +189,6 @@ def test_stress_moves_each_joint_to_and_fro(outcome, measured):
 
 
 def test_waits_that_cannot_be_are_an_error(outcome):
-    """The shortest is not longer than the longest."""
+    """The shortest wait must not be longer than the longest."""
     assert outcome.verdict("stress-never") is Verdict.ERROR
     assert "shortest" in outcome.detail("stress-never")

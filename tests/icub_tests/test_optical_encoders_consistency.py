@@ -43,7 +43,7 @@ def test_a_healthy_torso_agrees_with_its_coupled_motors(outcome, measured):
 
 
 def test_the_joints_have_swung(outcome):
-    """What was recorded goes to and fro by what was asked for, twice."""
+    """The recorded positions go to both sides by the amplitude, twice."""
     for event in outcome.of(SeriesRecorded, name="joint and motor", test="s/healthy"):
         with np.load(outcome.folder / event.path) as data:
             joint = data["joint"]
@@ -53,7 +53,7 @@ def test_the_joints_have_swung(outcome):
 
 
 def test_a_ratio_is_measured_and_a_known_stage_recognized(outcome, measured):
-    """A gearbox of 150 where 100 are built in."""
+    """A gearbox of 150 where 100 are configured."""
     assert outcome.verdict("ratio") is Verdict.FAILED
     (found,) = measured(outcome, "ratio", "ratio to what is configured", "torso_yaw")
     assert found.value == pytest.approx(1 / 1.5, abs=1e-3)
@@ -61,7 +61,7 @@ def test_a_ratio_is_measured_and_a_known_stage_recognized(outcome, measured):
 
 
 def test_a_wrong_row_of_the_couplings_is_found_at_its_motor_only(outcome, measured):
-    """The error with the neighbour that turns it, too, is measured."""
+    """The error by the other joint that turns this motor is measured."""
     assert failed_parts(outcome, "coupling") == ["l_shoulder_roll"]
     ratios = [one.value for one in measured(outcome, "coupling", "ratio to what is configured")]
     assert ratios == pytest.approx([1.0, 2.0, 1.0], abs=1e-3)
@@ -80,13 +80,13 @@ def test_play_is_measured_and_not_taken_for_a_ratio(outcome, measured):
 
 
 def test_a_joint_that_is_turned_unseen_is_stopped_at_once(outcome):
-    """A frozen encoder lets the controller go on and on; it gets no power instead."""
+    """With a frozen encoder the controller would turn the joint further; it gets no power."""
     assert outcome.verdict("frozen") is Verdict.FAILED
     assert "torso_yaw does not move by its encoder," in said(outcome, "frozen")
     assert "torso_yaw is left idle" in said(outcome, "frozen")
 
 
 def test_a_list_that_is_too_short_is_an_error(outcome):
-    """Joints without a speed do not move at none."""
+    """Joints without a speed are not moved."""
     assert outcome.verdict("short-list") is Verdict.ERROR
     assert "speed has 2 values" in outcome.detail("short-list")

@@ -35,7 +35,7 @@ def outcome(run_on_robot):
 
 
 def visits(outcome, test):
-    """The rows of what was seen at home, by column."""
+    """The values that were recorded at home, by column."""
     (event,) = outcome.of(SeriesRecorded, name="drift at home", test=f"s/{test}")
     with np.load(outcome.folder / event.path) as data:
         return {key: data[key] for key in data}
@@ -63,7 +63,7 @@ def test_lost_ticks_are_a_trend(outcome, measured):
 
 
 def test_a_jump_is_told_from_a_trend(outcome, measured):
-    """It has a time, and ends the test when it is clear."""
+    """It has a time, and ends the test once it is certain."""
     assert outcome.verdict("jump") is Verdict.FAILED
     (last,) = measured(outcome, "jump", "drift at the end", "torso_roll")
     assert abs(last.value) == pytest.approx(7.2, abs=0.1)  # a turn of a rotor at 100 : 1, geared by half
@@ -72,26 +72,26 @@ def test_a_jump_is_told_from_a_trend(outcome, measured):
 
 
 def test_a_joint_encoder_that_runs_away_ends_it_early(outcome):
-    """The joint follows it, so the sooner the better."""
+    """As the joint follows its encoder."""
     assert outcome.verdict("joint") is Verdict.FAILED
     assert failed_parts(outcome, "joint") == ["torso_yaw"]
     assert len(visits(outcome, "joint")["half_swings"]) < 4
 
 
 def test_a_frozen_motor_encoder_does_not_pass_for_one_without_drift(outcome):
-    """It shows at home what it showed before, and in between, too."""
+    """Its value does not change between the visits of home either."""
     assert outcome.verdict("frozen") is Verdict.FAILED
     assert "torso_pitch swings, but its motor encoder does not" in said(outcome, "frozen")
 
 
 def test_play_is_no_drift(outcome):
-    """Home is always come to from the same side: after an odd number of half-swings, and the first time, too."""
+    """Home is reached from the same side each time."""
     assert outcome.verdict("play") is Verdict.PASSED, outcome.detail("play")
     assert np.ptp(visits(outcome, "play")["torso_yaw"]) < 0.1
 
 
 def test_of_a_joint_that_is_coupled_with_a_lost_one_nothing_is_said(outcome):
-    """The one whose encoder is frozen fails, and the other, which boards have idle with it, is left out."""
+    """The joint with the frozen encoder fails; the coupled one, which is idle with it, has no verdict."""
     assert outcome.verdict("pitch") is Verdict.FAILED
     assert failed_parts(outcome, "pitch") == ["torso_pitch"]
     (other,) = outcome.of(SubResultEnded, verdict=Verdict.INCONCLUSIVE, subject="torso_roll")
@@ -100,6 +100,6 @@ def test_of_a_joint_that_is_coupled_with_a_lost_one_nothing_is_said(outcome):
 
 
 def test_no_swings_are_no_test(outcome):
-    """Nothing could be said of them."""
+    """A test without swings is refused."""
     assert outcome.verdict("none") is Verdict.ERROR
     assert "cycles" in outcome.detail("none")

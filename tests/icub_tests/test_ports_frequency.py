@@ -42,7 +42,7 @@ def test_a_healthy_robot_passes(outcome, measured):
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_each_fault_is_found_at_its_port_only(outcome, measured, fault):
-    """The port that is broken fails in what is broken about it, and no other port fails."""
+    """The faulty port fails in the property that the fault changes, and no other port fails."""
     _, port, name = FAULTS[fault]
     assert outcome.verdict(fault) is Verdict.FAILED
     found = [event for event in measured(outcome, fault, name) if event.verdict is MeasurementVerdict.FAILED]
@@ -50,14 +50,14 @@ def test_each_fault_is_found_at_its_port_only(outcome, measured, fault):
 
 
 def test_a_missing_port_fails_unless_it_is_optional(outcome):
-    """Ports of the list that are not there fail by name, optional ones are skipped, and the others are judged."""
+    """A missing port fails, a missing optional one is skipped, and the others are judged."""
     assert outcome.verdict("listed") is Verdict.FAILED
     assert "/icubSim/missing" in outcome.detail("listed")
     assert "/icubSim/absent" not in outcome.detail("listed")
 
 
 def test_what_cannot_be_tested_is_an_error(outcome):
-    """A line without a tolerance, and a robot without streams, are errors that say so."""
+    """A line without a tolerance, and a robot without streams, are errors."""
     assert outcome.verdict("short") is Verdict.ERROR
     assert "/icubSim/head/state:o" in outcome.detail("short")
     assert outcome.verdict("nobody") is Verdict.ERROR

@@ -39,7 +39,7 @@ def outcome(run_on_robot):
 
 
 def test_a_healthy_part_passes_in_all_forms(outcome, measured):
-    """Joint by joint, as a group and as a whole part; and nothing that was told is lost."""
+    """Joint by joint, as a group and as a whole part, without lost commands."""
     assert outcome.verdict("healthy") is Verdict.PASSED
     lost = measured(outcome, "healthy", "commands lost")
     assert {one.subject for one in lost} == {
@@ -58,7 +58,7 @@ def test_what_the_board_was_told_is_a_sine(outcome, measured):
 
 
 def test_the_joints_swing(outcome):
-    """Each joint goes to and fro about its middle, by the amplitude, and begins and ends at rest in the middle."""
+    """Each joint swings about its middle by the amplitude, and is at rest in the middle before and after."""
     recorded = [event for event in outcome.of(SeriesRecorded, name="following") if event.test.endswith("/healthy")]
     assert len(recorded) == 6
     for event in recorded:
@@ -89,7 +89,7 @@ def test_each_fault_is_found_at_its_joint_only(outcome, measured, name, joint, w
 
 
 def test_a_blocked_joint_is_released(outcome, measured):
-    """It fails by its name before a swing is complete, and the other one passes."""
+    """It fails before a swing is complete, and the other one passes."""
     assert outcome.verdict("jammed") is Verdict.FAILED
     assert re.search(r"torso_yaw \(/icubSim/torso joint 0\) .*; it was released", outcome.detail("jammed"))
     assert all(one.margin >= 0 for one in measured(outcome, "jammed", "amplitude", "torso_pitch"))
@@ -102,7 +102,7 @@ def test_a_form_may_be_chosen_as_in_older_files(outcome, measured):
 
 
 def test_less_than_a_swing_may_be_asked_for(outcome):
-    """As in older files. It is a whole one then, of which can be said whether it is a sine."""
+    """As in older files. A whole swing is done, which can be judged as a sine."""
     assert outcome.verdict("half-a-swing") is Verdict.PASSED
     event, *_ = (one for one in outcome.of(SeriesRecorded, name="following") if one.test.endswith("/half-a-swing"))
     with np.load(outcome.folder / event.path) as data:
@@ -110,7 +110,7 @@ def test_less_than_a_swing_may_be_asked_for(outcome):
 
 
 def test_what_cannot_be_is_an_error(outcome):
-    """A sine that throws the joints, and a joint that is not there, end the test before anything moves."""
+    """A sine that is too fast for the joints, and a missing joint, end the test before any motion."""
     assert outcome.verdict("too-fast") is Verdict.ERROR
     assert "deg" in outcome.detail("too-fast")
     assert outcome.verdict("no-joint") is Verdict.ERROR

@@ -1,4 +1,4 @@
-"""Prismatic joints are tested like those that turn; what is reported of them is in metres."""
+"""Prismatic joints are tested like revolute ones, with values in metres."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ SUITE = "".join(
 
 @pytest.fixture(scope="module")
 def outcome(tmp_path_factory: pytest.TempPathFactory, run_on_robot) -> Outcome:
-    """One run of all of them on a draft of a slide with an elbow."""
+    """One run of all of them on a draft of a robot with a slide and an elbow."""
     from rtf.simulator.derive import draft
 
     folder: Path = tmp_path_factory.mktemp("lift")
@@ -57,7 +57,7 @@ def test_a_healthy_slide_passes(outcome: Outcome, name: str):
 
 
 def test_its_values_are_in_metres(outcome: Outcome, measured):
-    """And those of the elbow in degrees, though one parameter is the tolerance of both."""
+    """Those of the elbow are in degrees, though both have the same parameter as their tolerance."""
     (lift,) = [one for one in measured(outcome, "limits", "short of the upper limit") if one.subject == "lift"]
     (elbow,) = [one for one in measured(outcome, "limits", "short of the upper limit") if one.subject == "elbow"]
     assert (lift.unit, elbow.unit) == ("m", "deg")
@@ -66,14 +66,14 @@ def test_its_values_are_in_metres(outcome: Outcome, measured):
 
 
 def test_a_jammed_slide_is_found(outcome: Outcome):
-    """It is released, and the elbow is not blamed."""
+    """It is released, and the elbow passes."""
     assert outcome.verdict("jammed") is Verdict.FAILED
     assert re.search(r"lift \(/liftSim/lift joint 0\) draws .*; it was released", outcome.detail("jammed"))
     assert "elbow" not in outcome.detail("jammed")
 
 
 def test_commands_beyond_the_limits_of_a_slide_are_found(outcome: Outcome):
-    """That its board does not clip."""
+    """Its board does not limit them."""
     assert outcome.verdict("narrow") is Verdict.FAILED
     assert " m" in outcome.detail("narrow")
     assert "elbow" not in outcome.detail("narrow")

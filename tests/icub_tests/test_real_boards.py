@@ -1,4 +1,4 @@
-"""Tests of torques and duty cycles on a part that is no simulated one: what is asked first, skipped, and refused."""
+"""Tests of torques and duty cycles on a part that is not simulated: questions, skipped and refused joints."""
 
 import re
 from contextlib import ExitStack
@@ -132,7 +132,7 @@ class Board(FakeBoard):
 
 
 def run(folder, suite, fault=""):
-    """Run tests on ``/bot/arm`` and ``/bot/head``, which may move; how they ended, and what the arm was told."""
+    """Run tests on ``/bot/arm`` and ``/bot/head``, which may move; return the outcome, and the commands to the arm."""
     movers = MOVERS.replace("CHANGED", repr(CHANGED))
     write_files(folder, {"suite.xml": f'<suite name="s">{suite}</suite>', "movers.py": movers})
     with pytest.MonkeyPatch.context() as patch, ExitStack() as opened:
@@ -149,7 +149,7 @@ def run(folder, suite, fault=""):
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory):
-    """All tests that need nothing but such a board."""
+    """The run of all tests that need such a board only."""
     return run(tmp_path_factory.mktemp("real"), SUITE)
 
 
@@ -165,7 +165,7 @@ def ran(tmp_path_factory):
     ],
 )
 def test_what_cannot_be_tested_is_not_begun(ran, test, verdict, words):
-    """The sentence says why, and the hint; no joint has been without its controller."""
+    """The reason is reported with a hint; no joint has lost its controller."""
     outcome, told = ran
     assert outcome.verdict(test) is verdict, outcome.detail(test)
     assert words in outcome.detail(test)
@@ -173,7 +173,7 @@ def test_what_cannot_be_tested_is_not_begun(ran, test, verdict, words):
 
 
 def test_the_operator_is_asked_before_a_joint_gives_way(ran):
-    """Not after, when it sinks upon who reads the question."""
+    """While the question is open the joint is held."""
     outcome, told = ran
     (asked,) = (one for one in outcome.of(Asked, test="s/impedance") if "becomes compliant" in one.text)
     compliant = [time for time, what, _ in told if what is InteractionMode.COMPLIANT]
@@ -183,7 +183,7 @@ def test_the_operator_is_asked_before_a_joint_gives_way(ran):
 
 
 def test_a_joint_without_stiffness_and_damping_is_left_out(ran):
-    """Nothing can be said of it."""
+    """It has no verdict."""
     outcome, _ = ran
     ended = {one.subject: one for one in outcome.of(SubResultEnded, test="s/impedance")}
     assert ended["joint1"].verdict is Verdict.SKIPPED
@@ -230,7 +230,7 @@ def test_a_joint_that_runs_away_by_what_should_hold_it_fails(tmp_path):
 
 
 def mover(name, test, part):
-    """One of the tests above on a part."""
+    """An entry of one of the tests above on a part."""
     return f'<test name="{name}"><parameter name="part">{part}</parameter> movers.py::{test} </test>'
 
 
@@ -249,7 +249,7 @@ def test_a_joint_outside_of_its_limits_costs_its_part_only_whatever_its_gears_ar
 
 
 def test_a_part_that_cannot_be_restored_costs_its_own_tests_only(tmp_path):
-    """Its further tests say why, those of other parts are run, and the run does not pass."""
+    """Its further tests have the reason, those of other parts run, and the run fails."""
     suite = mover("dies", "Dies", "arm") + mover("arm", "BringsHome", "arm") + mover("head", "BringsHome", "head")
     outcome, _ = run(tmp_path, suite, "keeps-limits")
     assert [outcome.verdict(name) for name in ("dies", "arm", "head")] == [Verdict.ERROR, Verdict.ERROR, Verdict.PASSED]
@@ -264,13 +264,13 @@ def test_a_part_that_cannot_be_restored_costs_its_own_tests_only(tmp_path):
 
 
 def test_a_board_that_is_at_its_target_by_its_first_state_passes(tmp_path):
-    """A step is one from where the joint was before the command, whatever was recorded first."""
+    """A step begins at the position before the command, whatever was recorded first."""
     outcome, _ = run(tmp_path, entry("motors", "MotorTest", distance=2), "jumps")
     assert outcome.verdict("motors") is Verdict.PASSED, outcome.detail("motors")
 
 
 def test_a_command_that_its_mode_does_not_take_is_not_called_lost(tmp_path):
-    """The board took a position in PWM mode: its firmware is the cause."""
+    """The board obeyed a position in PWM mode: the failure blames its firmware."""
     outcome, _ = run(tmp_path, entry("references", "MovementReferences", joints="(0)"), "any-mode")
     assert outcome.verdict("references") is Verdict.FAILED
     (failure,) = outcome.of(Message, severity=Severity.FAILURE)
@@ -279,7 +279,7 @@ def test_a_command_that_its_mode_does_not_take_is_not_called_lost(tmp_path):
 
 
 def test_torque_control_that_is_not_reported_is_not_counted_against_a_board(tmp_path):
-    """Its joints become compliant, and nobody knows whether they should; that is a warning."""
+    """Its joints become compliant although it reports no torque control: that is a warning."""
     outcome, told = run(tmp_path, entry("modes", "ControlModes", joints="(0)", faults="false"))
     assert outcome.verdict("modes") is Verdict.PASSED, outcome.detail("modes")
     (warning,) = outcome.of(Message, severity=Severity.WARNING)

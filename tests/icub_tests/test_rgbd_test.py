@@ -37,7 +37,7 @@ SUITE = "".join(
 
 
 def obstacle() -> str:
-    """Say why no image can be made here; nothing when it can."""
+    """Return why no image can be rendered here; empty if it can."""
     if not find_spec("mujoco"):
         return "needs pip install 'rtf[sim]'"
     try:
@@ -61,7 +61,7 @@ class TestOnTheBench:
     """One run."""
 
     def test_a_healthy_camera_passes(self, outcome, measured):
-        """The floor is at its place, and picture and depth are of one moment."""
+        """The depth of the floor is right, and picture and depth have the same time."""
         assert outcome.verdict("healthy") is Verdict.PASSED
         (depth,) = measured(outcome, "healthy", "depth")
         assert depth.value == pytest.approx(1.281, abs=0.005)
@@ -71,7 +71,7 @@ class TestOnTheBench:
         assert [one.value for one in focal] == [pytest.approx(289.7, abs=0.1)]
 
     def test_frozen_depths_are_found(self, outcome, measured):
-        """Though the pictures go on."""
+        """Although the pictures change."""
         assert outcome.verdict("frozen") is Verdict.FAILED
         (repeated,) = measured(outcome, "frozen", "repeated depths")
         assert repeated.value == 100.0
@@ -91,7 +91,7 @@ class TestOnTheBench:
         assert "depthImage:o" in outcome.detail("slow")
 
     def test_other_faults_are_not_its_business(self, outcome):
-        """Those of another sensor."""
+        """It passes with a fault of another sensor."""
         assert outcome.verdict("elsewhere") is Verdict.PASSED
 
     def test_known_places_are_a_parameter(self, outcome):
@@ -104,13 +104,13 @@ class TestOnTheBench:
         assert "(0.5 2 1) is no place" in outcome.detail("place")
 
     def test_an_absent_camera_fails(self, outcome):
-        """It is named."""
+        """The failure names it."""
         assert outcome.verdict("absent") is Verdict.FAILED
         assert "cannot connect to /benchSim/other" in outcome.detail("absent")
 
 
 def test_a_robot_without_depth_camera_is_no_failure(run_on_robot):
-    """The error says what to give."""
+    """The error names the parameter to set."""
     outcome = run_on_robot('<test name="none"> RgbdTest </test>', parts="head")
     assert outcome.verdict("none") is Verdict.ERROR
     assert "no depth camera; give its name as portname" in outcome.detail("none")

@@ -20,19 +20,19 @@ def outcomes(run_on_robot):
 
 
 def values_of(outcome):
-    """Every value that was measured, and where."""
+    """All measured values with their subjects."""
     return [(event.test, event.subject, event.name, event.value) for event in outcome.of(Measured)]
 
 
 def test_measurements_are_the_same_to_the_last_bit(outcomes):
-    """In lockstep nothing depends on how fast the machine is, and all chance comes from the seed."""
+    """In lockstep nothing depends on the speed of the machine, and all random numbers come from the seed."""
     first, second = map(values_of, outcomes)
     assert len(first) > 60  # or there would be nothing to differ
     assert first == second
 
 
 def test_recordings_are_the_same_to_the_last_bit(outcomes):
-    """All rows of all series, times of the robot among them."""
+    """All rows of all series, with their times."""
     first, second = ([*outcome.of(SeriesRecorded)] for outcome in outcomes)
     assert [(one.subject, one.path) for one in first] == [(one.subject, one.path) for one in second]
     assert len(first) > 10

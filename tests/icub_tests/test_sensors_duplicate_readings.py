@@ -48,7 +48,7 @@ def test_a_healthy_robot_passes(outcome, measured):
     ],
 )
 def test_what_comes_again_is_found(outcome, measured, name, what, port):
-    """Messages that are sent twice, and sensors that stand still, fail at their port."""
+    """Repeated messages, and frozen sensors, fail at their port."""
     assert outcome.verdict(name) is Verdict.FAILED
     (found,) = measured(outcome, name, what, port)
     assert found.value > 10
@@ -58,7 +58,7 @@ def test_what_comes_again_is_found(outcome, measured, name, what, port):
     "what", ["share of repeated values", "longest run of one value", "longest time without a new value"]
 )
 def test_all_that_tells_of_repeated_values_has_its_limit(outcome, measured, what):
-    """What is tolerated limits it: a healthy robot has a margin, and a sensor that stands still has none."""
+    """The tolerance is the limit of each measurement: a healthy robot has a margin, a frozen sensor has none."""
     assert all(event.margin >= 0 for event in measured(outcome, "healthy", what))
     (found,) = measured(outcome, "unit", what)
     assert found.verdict is MeasurementVerdict.FAILED
@@ -67,7 +67,7 @@ def test_all_that_tells_of_repeated_values_has_its_limit(outcome, measured, what
 
 
 def test_the_ages_of_values_are_kept(outcome):
-    """They are to be looked at: a value that is repeated grows old."""
+    """They are recorded: a repeated value grows older."""
     oldest = {
         one.test.rpartition("/")[2]: np.load(outcome.folder / one.path)["age"].max()
         for one in outcome.of(SeriesRecorded, name="age of the values", subject="/icubSim/inertial")
@@ -77,17 +77,17 @@ def test_the_ages_of_values_are_kept(outcome):
 
 
 def test_sensors_that_never_change_are_named(outcome):
-    """The channels of a sensor that stands still are listed."""
+    """The channels of a frozen sensor are listed."""
     assert "never changed" in "".join(str(event) for event in outcome.events if "frozen" in str(event))
 
 
 def test_lost_messages_are_no_duplicates(outcome):
-    """What is missing is another test's business."""
+    """Lost messages do not fail this test."""
     assert outcome.verdict("lost") is Verdict.PASSED
 
 
 def test_as_many_as_the_file_says_are_tolerated(outcome, measured):
-    """The number behind a port is how many may come again, and it is needed."""
+    """The number behind a port is the number of tolerated duplicates, and is required."""
     assert outcome.verdict("tolerated") is Verdict.PASSED
     assert measured(outcome, "tolerated", "messages that came twice")[0].value > 5
     assert outcome.verdict("wrong") is Verdict.ERROR

@@ -46,7 +46,7 @@ def test_healthy_skin_passes(outcome, measured):
 
 @pytest.mark.parametrize(("name", "taxel"), [("forearm", "taxel 383 (triangle 31)"), ("hand", "taxel 96 (triangle 8)")])
 def test_a_dead_taxel_is_found_and_named(outcome, measured, name, taxel):
-    """It alone."""
+    """The failure names this taxel, and no other."""
     assert outcome.verdict(name) is Verdict.FAILED
     dead = [one for one in measured(outcome, name, "dead taxels") if one.verdict is MeasurementVerdict.FAILED]
     assert [one.value for one in dead] == [1]
@@ -60,12 +60,12 @@ def test_the_rate_is_judged(outcome):
 
 
 def test_other_faults_are_not_its_business(outcome):
-    """Those of another sensor."""
+    """It passes with a fault of another sensor."""
     assert outcome.verdict("elsewhere") is Verdict.PASSED
 
 
 def test_limits_are_parameters(outcome, measured):
-    """A rest above the usual one fails all taxels; dead ones may be allowed."""
+    """A higher rest value fails all taxels; dead ones may be allowed."""
     assert outcome.verdict("pressed") is Verdict.FAILED
     assert sum(one.value for one in measured(outcome, "pressed", "pressed taxels")) == 384
     assert "and 374 more of /icubSim/skin/left_forearm" in outcome.detail("pressed")
@@ -81,13 +81,13 @@ def test_what_is_no_skin_fails(outcome):
 
 
 def test_too_few_messages_do_not_pass(outcome):
-    """Nor do they fail healthy taxels that happened not to change."""
+    """The test is inconclusive: healthy taxels may not have changed by chance."""
     assert outcome.verdict("short") is Verdict.INCONCLUSIVE
     assert "too few to tell dead taxels" in outcome.detail("short")
 
 
 def test_a_robot_without_skin_is_no_failure_of_its_skin(run_on_robot):
-    """The error says where it was looked for."""
+    """The error names the places that were searched."""
     outcome = run_on_robot('<test name="none"> SkinTest </test>', model=find_robot("bench"))
     assert outcome.verdict("none") is Verdict.ERROR
     assert "no skin below /benchSim/skin/ is registered" in outcome.detail("none")

@@ -39,7 +39,7 @@ def outcome(run_on_robot):
 
 @pytest.mark.parametrize("name", ["position", "external", "torque"])
 def test_a_healthy_joint_passes(outcome, name):
-    """Its answers are within the limits that every robot has to keep."""
+    """Its response is within the default limits."""
     assert outcome.verdict(name) is Verdict.PASSED, outcome.detail(name)
 
 
@@ -47,7 +47,7 @@ def test_a_healthy_joint_passes(outcome, name):
     ("name", "height", "unit"), [("position", 2.0, "deg"), ("external", 4.0, "deg"), ("torque", 0.5, "Nm")]
 )
 def test_a_step_is_a_step(outcome, name, height, unit):
-    """What is commanded rests before time 0, is higher by the step after it, and what is measured follows."""
+    """The command is constant before time 0 and higher by the step after it, and the measured value follows."""
     recorded = [event for event in outcome.of(SeriesRecorded) if event.test.endswith(f"/{name}")]
     assert len(recorded) == 2
     for event in recorded:
@@ -72,7 +72,7 @@ def test_a_step_is_a_step(outcome, name, height, unit):
     ],
 )
 def test_a_fault_is_found_at_its_joint(outcome, name, joint):
-    """Wrong gains, a joint that does not move, states that come late, a sensor with a wrong factor."""
+    """Wrong gains, a joint that does not move, late states, a sensor with a wrong factor."""
     assert outcome.verdict(name) is Verdict.FAILED, outcome.detail(name)
     failures = [event for event in outcome.of(Message, severity=Severity.FAILURE) if event.test.endswith(f"/{name}")]
     assert failures

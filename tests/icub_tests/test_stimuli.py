@@ -69,22 +69,22 @@ def recording(record_on_robot):
 
 
 def test_the_healthy_robot_passes_them_all(recording):
-    """What is compared below is what tests do that come to their ends."""
+    """So the commands that are compared below are those of complete tests."""
     assert recording.outcome.exit_code == ExitCode.PASSED, recording.outcome.stdout
 
 
 def home_of(recording, test):
-    """Where the joints were when a test gave its first command."""
+    """The positions when a test gave its first command."""
     return recording.during(test)[0].positions
 
 
 def close(values, wanted, tolerance=STILL):
-    """Whether joints were told this, one value after the other."""
+    """Return whether the commanded values are these, in this order."""
     return values == pytest.approx(wanted, abs=tolerance)
 
 
 def runs(commands, gap):
-    """Commands that follow each other, cut where nothing came for longer than ``gap`` s."""
+    """Return the commands in groups, which are separated by more than ``gap`` s without commands."""
     cuts = [place for place, (one, two) in enumerate(pairwise(commands), 1) if two.time - one.time > gap]
     return [commands[begin:end] for begin, end in pairwise([0, *cuts, len(commands)])]
 
@@ -163,9 +163,9 @@ def test_encoders_are_compared_over_swings(recording, joint, low, high, speed):
 
 @pytest.mark.parametrize(("joint", "low", "high", "speed"), [(0, -5, 6, 20), (1, -4, 7, 15)])
 def test_drift_is_looked_for_after_swings(recording, joint, low, high, speed):
-    """Five half-swings behind two to begin with, home before them, after every second one and in the end; all together.
+    """Five half-swings after two at the beginning, with home before them, after every second one, and at the end.
 
-    Home is always come to from the lower end.
+    Home is always reached from the lower end.
     """
     home = home_of(recording, "drift")[joint]
     moves = recording.told("drift", "position_move", joint)
@@ -180,9 +180,9 @@ def test_drift_is_looked_for_after_swings(recording, joint, low, high, speed):
 
 @pytest.mark.parametrize(("joint", "low", "high", "speed"), [(0, -4, 6, 30), (2, -3, 5, 40)])
 def test_stress_comes_at_random_moments(recording, joint, low, high, speed):
-    """Down, up and back, twice, and home in the end; the waits are between the shortest and the longest, and differ.
+    """Down, up and back, twice, and home at the end; the waits are random between the shortest and the longest.
 
-    The last command is for what is left of the way, if anything is: that is slow.
+    The last command is slow: it corrects what is left of the distance.
     """
     home = home_of(recording, "stress")[joint]
     moves = recording.told("stress", "position_move", joint)[1:]
@@ -244,7 +244,7 @@ def test_position_direct_tells_a_sine(recording, form, joint, middle):
 
 
 def test_position_direct_holds_what_it_does_not_test(recording):
-    """Told to the whole part, a joint that is not chosen is told to stay."""
+    """In commands to the whole part, a joint that is not chosen has its present position."""
     told = [one.value(1) for one in recording.told("direct", "set_positions", 1)]
     assert len(told) == 13 + 150
     assert np.ptp(told) == 0
@@ -432,7 +432,7 @@ def walk(recording):
 
 
 def test_every_mode_is_asked_for_in_every_mode(walk):
-    """And in fault; and what nobody may ask for, in position mode and in fault."""
+    """Also in fault; and modes that cannot be requested, in position mode and in fault."""
     asked = {(mode, mode_word(one.value(0))) for mode, one in walk if one.method == "set_control_modes"}
     modes = set(REQUESTS) - {"fidl"} | {"hwfa"}
     wanted = {(mode, word) for mode in modes for word in REQUESTS}

@@ -67,12 +67,12 @@ def outcome(run_on_robot, tmp_path_factory):
 
 @pytest.mark.parametrize("name", ["references", "gravity", "impedance"])
 def test_a_healthy_joint_passes(outcome, name):
-    """What it measures is what it was told, what the model says, and what its impedance makes of a push."""
+    """References, the model's torques of gravity, and the response to a push agree with what is measured."""
     assert outcome.verdict(name) is Verdict.PASSED, outcome.detail(name)
 
 
 def test_references_are_told_in_all_forms(outcome, measured):
-    """A joint at a time, a group, and the whole part; and read back at three torques each."""
+    """Single joints, a group, and the whole part; each is read back at three torques."""
     for change in ("+0.1 Nm", "+0 Nm", "-0.1 Nm"):
         found = measured(outcome, "references", f"reference that is read back, {change}")
         assert {one.subject for one in found} == {
@@ -81,7 +81,7 @@ def test_references_are_told_in_all_forms(outcome, measured):
 
 
 def test_gravity_is_measured(outcome, measured):
-    """The model's torques vary enough for a gain, which is one, and there is no offset."""
+    """The gain by the model's torques is 1, and the offset is 0."""
     (gain,) = measured(outcome, "gravity", "gain")
     (offset,) = measured(outcome, "gravity", "offset")
     assert gain.value == pytest.approx(1.0, abs=0.2)
@@ -89,7 +89,7 @@ def test_gravity_is_measured(outcome, measured):
 
 
 def test_friction_is_not_taken_for_gravity(outcome, measured):
-    """Not even in a joint that is only held while another one goes from posture to posture."""
+    """Also in a joint that is held while another one moves between postures."""
     assert outcome.verdict("gravity-friction") is Verdict.PASSED, outcome.detail("gravity-friction")
     assert {one.subject for one in measured(outcome, "gravity-friction", "greatest error")} == {
         "l_shoulder_roll",
@@ -125,7 +125,7 @@ def test_a_fault_is_found_at_its_joint_only(outcome, measured, name, what, joint
 
 @pytest.mark.parametrize(("noise", "least"), [(0.0, 0.995), (1.0, 0.94), (3.0, 0.6)])
 def test_noise_of_speeds_is_no_damping(noise: float, least: float):
-    """What scatters makes the slope of a line flatter by its share of the variance."""
+    """Noise makes the slope of a line flatter by its share of the variance."""
     test = load_test(find("test", "TorqueControlStiffDampCheck"))
     random = np.random.default_rng(5)
     speeds = 7.0 * np.sin(np.arange(0.0, 10.0, 0.01) * 2 * np.pi)
@@ -135,14 +135,14 @@ def test_noise_of_speeds_is_no_damping(noise: float, least: float):
 
 
 def test_more_noise_than_motion_says_nothing():
-    """Neither for nor against the robot."""
+    """The test is inconclusive."""
     test = load_test(find("test", "TorqueControlStiffDampCheck"))
     with pytest.raises(Inconclusive, match="is noise: move it further"):
         test._share_of_motion("j0", "damping", np.random.default_rng(5).normal(size=1000))
 
 
 def test_an_operator_who_moves_a_joint_too_far_says_nothing_of_it():
-    """It is held all the same; in the simulator, where nobody else moves it, it has run away."""
+    """The test is inconclusive. In the simulator, where only the test pushes, the joint has run away."""
     test = load_test(find("test", "TorqueControlStiffDampCheck"))
     part = SimpleNamespace(
         names=["j0"],
@@ -155,7 +155,7 @@ def test_an_operator_who_moves_a_joint_too_far_says_nothing_of_it():
 
 
 def test_a_torque_that_follows_nothing_is_said_so(outcome):
-    """With likely causes; and what is set has the units in which it is given."""
+    """The failure has likely causes, and the parameters have their units."""
     assert outcome.verdict("impedance-strict") is Verdict.FAILED
     said = [one.detail for one in outcome.of(Message, test="s/impedance-strict", severity=Severity.FAILURE)]
     assert "l_elbow: the torque does not follow how far it gives way; likely: " in said[0]

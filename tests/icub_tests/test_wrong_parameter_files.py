@@ -1,4 +1,4 @@
-"""A parameter file that is wrong in one way: what is told of it by ``testrunner validate``, and by a run."""
+"""A parameter file with one error: what ``testrunner validate`` and a run report."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ ROBOT_FILES = {
 
 @dataclass
 class Bench:
-    """What was said of a suite in which each test has one of the files, and where the joints were afterwards (deg)."""
+    """The reports on a suite with one test for each file, and the positions of the joints afterwards (deg)."""
 
     folder: Path
     validated: Outcome
@@ -112,7 +112,7 @@ def head() -> Iterator[FakeBoard]:
 
 @pytest.mark.parametrize("kind", FILES)
 def test_what_is_wrong_on_any_robot_is_known_before_a_run(bench: Bench, kind: str):
-    """Suite, test, file and line are named, with the hint; the run says the same, and does not even set the test up."""
+    """The report has suite, test, file, line and a hint; the run reports the same, and does not set the test up."""
     _, line, hint = FILES[kind]
     place = f"{bench.folder / kind}.ini:{line}" if line else f"{kind}.ini"
     for text in (bench.told(kind), bench.said(kind)):

@@ -1,4 +1,7 @@
-"""A run of the simulated robot, all that it publishes and all that it is at the end, as two digests. Also a program."""
+"""Record a run of the simulated robot as two digests: of all that it publishes, and of its final state.
+
+Also a program.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ from rtf.simulator.robot import SimulatedRobot
 
 
 class _Raw:
-    """A message as the bytes that came."""
+    """The bytes of a received message."""
 
     def decode(self, data: Any, _dialect: Any) -> bytes:
         """See Codec."""
@@ -34,7 +37,7 @@ class _Raw:
 
 
 class _Ear(Port):
-    """Digests what it is sent, with its envelope."""
+    """A port that digests each message with its envelope."""
 
     def __init__(self, source: str, network: Network) -> None:
         self.heard = 0
@@ -48,7 +51,7 @@ class _Ear(Port):
 
 
 def record(seed: int) -> tuple[dict[str, str], str, int]:
-    """Run two seconds; returns the digest of what each port sent, that of the robot's state, and how much was sent."""
+    """Run for two seconds; return the digests of the messages of each port and of the final state, and a count."""
     network = Network(LocalNames(), report=lambda sentence: print(sentence, file=sys.stderr))
     with ExitStack() as opened:
         robot = opened.enter_context(SimulatedRobot(load_robot("icub"), network=network, lockstep=True, seed=seed))
@@ -71,7 +74,7 @@ def record(seed: int) -> tuple[dict[str, str], str, int]:
 
 
 def _move(opened: ExitStack, network: Network, time: clock.Clock) -> None:
-    """A bit of everything that clients do."""
+    """Send commands of each kind that clients send."""
     clients = {}
     for part in ("left_arm", "head", "torso"):
         client = clients[part] = RemoteControlBoard(part, network=network)

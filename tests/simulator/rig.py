@@ -1,4 +1,4 @@
-"""A robot without a network: simulation, boards and parts, and a few words for what tests do with them."""
+"""A robot without a network: simulation, boards and parts, with short names for what tests command and read."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ from rtf.simulator.simulation import Simulation
 
 
 class Rig:
-    """A new robot at home. ``frictionless``: nothing that would hide what a board forgets to hold."""
+    """A new robot at home.
+
+    ``frictionless``: without friction and damping, which would hide what a board fails to hold.
+    """
 
     def __init__(self, *, frictionless: bool = False, **options: Any) -> None:
         if frictionless:
@@ -25,7 +28,7 @@ class Rig:
         self.model = self.simulation.plant.model
 
     def run(self, seconds: float) -> None:
-        """Let time pass."""
+        """Simulate for some seconds."""
         self.simulation.advance(self.simulation.now + seconds)
 
     def part(self, name: str) -> SimulatedPart:
@@ -33,7 +36,7 @@ class Rig:
         return SimulatedPart(name, self.boards)
 
     def enter(self, axis: str, mode: ControlMode) -> None:
-        """Ask for a mode."""
+        """Request a mode of an axis."""
         self.boards.request_mode(INDEX[axis], mode)
 
     def mode(self, axis: str) -> ControlMode:
@@ -41,23 +44,23 @@ class Rig:
         return ControlMode(int(self.boards.mode[INDEX[axis]]))
 
     def at(self, axis: str) -> float:
-        """Where an axis is, as its encoder says."""
+        """The position of an axis by its encoder (deg)."""
         return float(self.boards.position[INDEX[axis]])
 
     def torque(self, axis: str) -> float:
-        """What its drive is told to give (Nm)."""
+        """The torque that the drive of an axis is commanded (Nm)."""
         return float(self.data.ctrl[INDEX[axis]])
 
     def push(self, axis: str, torque: float) -> None:
-        """Let somebody turn an axis from outside, from now on (Nm)."""
+        """Apply an external torque to an axis from now on (Nm)."""
         self.data.qfrc_applied[self.simulation.plant.dofs[INDEX[axis]]] = torque
 
     def say(self, command: Any, axis: str, *values: float) -> None:
-        """Give a command of the boards to one axis."""
+        """Give one axis a command of the boards."""
         command(np.array([INDEX[axis]]), *[np.array([value]) for value in values])
 
     def farthest(self, seconds: float, start: np.ndarray, axes: Any = slice(None)) -> float:
-        """Let time pass; by how much axes were away from a start at most."""
+        """Simulate, and return the greatest distance of axes from a start."""
         most = 0.0
         for _ in range(round(seconds / 0.01)):
             self.run(0.01)

@@ -61,7 +61,7 @@ def device(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable
 
 
 def test_they_are_the_devices_of_the_robot(device: Callable[..., Device]):
-    """With their faults: boards, force-torque and inertial sensors, those of the fingers, skin."""
+    """Boards, force-torque and inertial sensors, sensors of fingers, and skin; with the faults of the robot."""
     simulation = device("simulatedRobot", model="icub", lockstep=True)
     robot = simulation.robot
     for kind, parameters, expected, interface in (
@@ -86,7 +86,7 @@ def test_they_are_the_devices_of_the_robot(device: Callable[..., Device]):
 
 
 def test_what_cannot_be_attached(device: Callable[..., Device]):
-    """An unknown name, a missing one where there are several, and what is no simulated robot."""
+    """An unknown name, a missing name where there are several, and a device that is no simulated robot are errors."""
     simulation = device("simulatedRobot", model="icub", lockstep=True)
     for kind, parameters, message in (
         ("simulatedBoard", {"part": "tail"}, "no part 'tail'; it has head, left_arm"),
@@ -108,7 +108,7 @@ def test_what_cannot_be_attached(device: Callable[..., Device]):
 
 
 def test_cameras(device: Callable[..., Device]):
-    """They render, if the robot is simulated with them."""
+    """Cameras are attached if the robot is simulated with cameras."""
     try:
         rendering_back_end()
     except RenderingError as error:

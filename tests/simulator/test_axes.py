@@ -30,12 +30,12 @@ class TestOrder:
     """The order is the robot's."""
 
     def test_parts_come_in_the_robots_order_with_the_robots_counts(self):
-        """The parts are listed as the robot lists all its joints."""
+        """The parts have the order in which the robot lists its joints."""
         expected = [("head", 6), ("left_arm", 16), ("right_arm", 16), ("torso", 3), ("left_leg", 6), ("right_leg", 6)]
         assert [(part, len(axes)) for part, axes in PARTS.items()] == expected
 
     def test_all_axes_are_the_parts_one_after_the_other(self):
-        """There are 53, each of them once, and each says its part."""
+        """There are 53 axes, each of them once, and each names its part."""
         assert len(AXES) == len({axis.name for axis in AXES}) == 53
         assert [axis.name for axis in AXES] == [name for part in PARTS for name in names(part)]
         assert all(axis.part == part for part, axes in PARTS.items() for axis in axes)
@@ -45,7 +45,7 @@ class TestOrder:
         assert names("torso") == ["torso_yaw", "torso_roll", "torso_pitch"]
 
     def test_head_and_limbs_are_numbered_by_their_boards(self):
-        """Both sides alike."""
+        """Left and right limbs have the same numbers."""
         assert names("head") == [
             "neck_pitch", "neck_roll", "neck_yaw", "eyes_tilt", "eyes_version", "eyes_vergence"
         ]  # fmt: skip
@@ -61,21 +61,21 @@ class TestOrder:
         assert AXES[part_slice(part)] == PARTS[part]
 
     def test_index_is_the_place(self):
-        """An axis is found by name."""
+        """The index finds an axis by its name."""
         assert all(AXES[place].name == name for name, place in INDEX.items())
 
     def test_unknown_part_is_named(self):
-        """The error lists what there is."""
+        """The error lists the known parts."""
         with pytest.raises(RefusedError, match=r"no part 'tail'.*right_leg"):
             part_slice("tail")
 
 
 class TestValues:
-    """Numbers that must make sense together."""
+    """Numbers of the table agree with each other."""
 
     @pytest.mark.parametrize("axis", AXES, ids=lambda axis: axis.name)
     def test_home_is_within_the_limits_and_the_drive_is_of_this_world(self, axis):
-        """Home can be reached, and what must be positive is."""
+        """Home is within the limits; torques, speeds and gears are positive."""
         assert axis.minimum <= axis.home <= axis.maximum
         assert axis.minimum < axis.maximum
         positive = ("max_velocity", "max_torque", "encoder_resolution", "rotor_resolution", "armature", "damping")
@@ -106,7 +106,7 @@ class TestCouplings:
 
     @pytest.mark.parametrize("part", PARTS)
     def test_motors_tell_the_joints(self, part: str):
-        """What goes to the motors comes back."""
+        """Joints computed from motors that were computed from joints are the same."""
         joints = np.arange(1.0, len(PARTS[part]) + 1)
         motors = joint_to_motor(part) @ joints
         for block in COUPLINGS[part]:

@@ -91,7 +91,7 @@ def test_too_great_a_load_is_no_error():
 
 
 def test_the_charge_is_shown_in_steps():
-    """As a gauge counts."""
+    """The shown charge is a multiple of the gauge's step."""
     coarse = discharged(
         Battery(capacity=36.0, full=40.0, empty=32.0, max_current=20.0, idle_power=72.0, charge_step=0.5)
     )

@@ -50,11 +50,11 @@ def bare() -> Rig:
 
 
 class TestModes:
-    """The table of modes, and what a mode does to the motor."""
+    """The table of modes, and the effect of a mode on the motor."""
 
     @pytest.mark.parametrize("state", STATES, ids=lambda mode: mode.word)
     def test_requests_lead_where_the_table_says(self, rig: Rig, state: ControlMode):
-        """Every request in every state, permitted or not."""
+        """Each request in each state leads to the state of the table, or is refused."""
         axis = INDEX[ELBOW]
         for request in ControlMode:
             rig.boards.enter(axis, state)
@@ -70,7 +70,7 @@ class TestModes:
 
     @pytest.mark.parametrize("request_", [0, -1, 12345, 2**31 - 1])
     def test_what_is_no_mode_is_refused(self, rig: Rig, request_: int):
-        """Numbers that mean nothing change nothing."""
+        """Unknown codes of modes change nothing."""
         with pytest.raises(RefusedError):
             rig.boards.request_mode(0, request_)
         with pytest.raises(RefusedError):
@@ -79,7 +79,7 @@ class TestModes:
 
     @pytest.mark.parametrize("mode", sorted(POWERLESS), ids=lambda mode: mode.word)
     def test_without_power_there_is_no_torque(self, rig: Rig, mode: ControlMode):
-        """The joint falls, whatever its controller had gathered."""
+        """The joint falls, whatever its controller's integral was."""
         rig.run(0.2)
         before = rig.at(SHOULDER)
         assert abs(rig.torque(SHOULDER)) > 1.0
@@ -89,7 +89,7 @@ class TestModes:
         assert abs(rig.at(SHOULDER) - before) > 5.0
 
     def test_a_new_mode_keeps_every_joint_where_it_is(self, bare: Rig):
-        """Through all modes that hold, without any friction that would help: less than half a degree."""
+        """In all modes that hold, without friction: by less than half a degree."""
         bare.run(0.5)
         start = bare.boards.position
         way = (
@@ -107,7 +107,7 @@ class TestModes:
             assert bare.farthest(0.15, start, LIMBS) < 0.5, mode.word
 
     def test_a_moving_joint_is_held_by_the_mode_it_enters(self, rig: Rig):
-        """The move is over, and the joint stays near where it was then."""
+        """The move ends, and the joint stays near where it was then."""
         rig.say(rig.boards.move, ELBOW, 90.0)
         rig.run(2.0)
         here = rig.at(ELBOW)
@@ -116,7 +116,7 @@ class TestModes:
         assert rig.at(ELBOW) == pytest.approx(here, abs=1.0)
 
     def test_references_of_a_mode_that_begins(self, rig: Rig):
-        """Where the joint is, no speed, the torque and the current it is held with, no duty cycle."""
+        """The present position, speed 0, the torque and current that hold the joint, and duty cycle 0."""
         rig.run(0.3)
         axis, boards = INDEX[SHOULDER], rig.boards
         current = float(boards.motors.current[axis])
@@ -152,10 +152,10 @@ class TestModes:
 
 
 class TestFaults:
-    """What makes a joint switch off."""
+    """Conditions that switch a joint off."""
 
     def assert_in_fault(self, rig: Rig, axis: str, code: int, words: str) -> None:
-        """The joint has no power, says why, and only a forced idle brings it back."""
+        """The joint has no power and reports the reason; only a forced idle ends the fault."""
         assert rig.mode(axis) is ControlMode.HARDWARE_FAULT
         assert rig.boards.faults[INDEX[axis]][0] == code
         assert words in rig.boards.faults[INDEX[axis]][1]
@@ -170,7 +170,7 @@ class TestFaults:
         assert rig.mode(axis) is ControlMode.IDLE
 
     def test_over_current(self, rig: Rig):
-        """More than is allowed for 50 milliseconds."""
+        """More than the peak current for 50 milliseconds is a fault."""
         axis = INDEX["l_hip_roll"]
         rig.run(0.3)
         rig.boards.set_max_current(axis, abs(float(rig.boards.motor_currents()[axis])) / 2)
@@ -189,7 +189,7 @@ class TestFaults:
         assert rig.mode(SHOULDER) is ControlMode.HARDWARE_FAULT
 
     def test_over_temperature(self, rig: Rig):
-        """A motor that is hotter than allowed."""
+        """A motor that is hotter than allowed is a fault."""
         rig.boards.temperature[INDEX[ELBOW]] = 95.0
         rig.run(0.02)
         self.assert_in_fault(rig, ELBOW, OVERHEATED, "too hot: more than 90 degrees")
@@ -206,7 +206,7 @@ class TestFaults:
         assert rig.boards.temperature[axis] - 25.0 == pytest.approx(40.0 * 0.4 / 600.0, rel=0.05)
 
     def test_too_far_from_the_reference(self, rig: Rig):
-        """Where an error limit is set; where none is, a joint may be anywhere."""
+        """A following error is a fault only where an error limit is set."""
         rig.boards.pid_error_limits[INDEX[ELBOW]] = 1.0
         rig.run(0.1)
         assert rig.mode(ELBOW) is ControlMode.POSITION
@@ -218,7 +218,7 @@ class TestFaults:
         self.assert_in_fault(rig, ELBOW, ERROR_LIMIT, "more than 1 degrees off")
 
     def test_a_fault_ends_a_motion(self, rig: Rig):
-        """And nothing of it goes on afterwards."""
+        """The joint does not continue its move after the fault."""
         rig.say(rig.boards.move, NECK, 40.0)
         rig.run(1.0)
         rig.boards.set_max_current(INDEX[NECK], 0.0)
@@ -233,7 +233,7 @@ class TestFaults:
 
 
 class TestWatchdogs:
-    """A joint whose client is gone stops."""
+    """A joint stops when its client no longer sends."""
 
     def test_speeds(self, rig: Rig):
         """In velocity and mixed mode a speed is forgotten after half a second without a new one."""
@@ -283,7 +283,7 @@ class TestWatchdogs:
         assert rig.boards.motors.current[group] == pytest.approx(currents, rel=0.05)
 
     def test_currents_have_the_signs_of_the_duty_cycles(self, rig: Rig):
-        """Of each motor, whatever the sign of its gear and its couplings."""
+        """For each motor, whatever the sign of its gear and its couplings."""
         rig.run(0.3)
         duties, currents = rig.boards.motor_duties(), rig.boards.motor_currents()
         assert (rig.boards.gearbox < 0).any()
@@ -291,7 +291,7 @@ class TestWatchdogs:
         assert currents / rig.boards.peak_current == pytest.approx(duties / 100.0, abs=5 * 0.005)
 
     def test_positions(self, rig: Rig):
-        """Moves go to their end, and direct positions are held."""
+        """Moves reach their target, and direct positions are held."""
         rig.enter("r_elbow", ControlMode.POSITION_DIRECT)
         rig.say(rig.boards.follow, "r_elbow", 48.0)
         rig.boards.speeds[INDEX[ELBOW]] = 20.0
@@ -301,7 +301,7 @@ class TestWatchdogs:
         assert rig.at("r_elbow") == pytest.approx(48.0, abs=0.1)
 
     def test_a_position_move_in_mixed_mode_is_not_cut_short(self, rig: Rig):
-        """After a speed that it replaced."""
+        """The watchdog of the speed that the move replaced does not end it."""
         rig.enter(ELBOW, ControlMode.MIXED)
         rig.say(rig.boards.run, ELBOW, 5.0, 1000.0)
         rig.run(0.1)
@@ -314,7 +314,7 @@ class TestImpedance:
     """Compliant joints, which need no friction to be still."""
 
     def test_a_push_moves_a_compliant_joint_by_torque_over_stiffness(self, bare: Rig):
-        """And it comes back; its stiff twin holds."""
+        """It returns afterwards; the stiff joint of the other arm does not move."""
         axis = INDEX[ELBOW]
         bare.boards.request_interaction(axis, InteractionMode.COMPLIANT)
         bare.run(0.5)
@@ -332,7 +332,7 @@ class TestImpedance:
         assert bare.boards.position == pytest.approx(start, abs=0.2)
 
     def test_becoming_compliant_and_stiff_keeps_the_joint_where_it_is(self, bare: Rig):
-        """Also against gravity, and without friction."""
+        """Against gravity and without friction, too."""
         bare.run(0.5)
         start = bare.boards.position
         for mode in (InteractionMode.COMPLIANT, InteractionMode.STIFF):
@@ -341,7 +341,7 @@ class TestImpedance:
             assert bare.farthest(0.6, start) < 0.5, mode.word
 
     def test_a_joint_that_was_pushed_away_does_not_snap_back_when_it_gets_stiff(self, bare: Rig):
-        """It is held where it is then."""
+        """It is held at its present position."""
         axis = INDEX[ELBOW]
         bare.boards.request_interaction(axis, InteractionMode.COMPLIANT)
         bare.push(ELBOW, 10 * float(bare.boards.stiffness[axis]))
@@ -352,7 +352,7 @@ class TestImpedance:
         assert bare.farthest(1.0, here, [axis]) < 0.5
 
     def test_getting_stiff_does_not_end_a_move(self, bare: Rig):
-        """It goes on to its target."""
+        """The joint reaches its target."""
         bare.boards.request_interaction(INDEX[ELBOW], InteractionMode.COMPLIANT)
         bare.boards.speeds[INDEX[ELBOW]] = 20.0
         bare.say(bare.boards.move, ELBOW, 75.0)
@@ -373,7 +373,7 @@ class TestImpedance:
                     rig.boards.request_interaction(INDEX[axis.name], InteractionMode.COMPLIANT)
 
     def test_the_offset_is_a_torque(self, bare: Rig):
-        """A compliant joint goes where offset and spring are in balance."""
+        """A compliant joint moves to where offset and spring are in balance."""
         axis = INDEX[ELBOW]
         bare.boards.request_interaction(axis, InteractionMode.COMPLIANT)
         start = bare.at(ELBOW)
@@ -527,7 +527,7 @@ class TestControllers:
 
     @pytest.mark.parametrize("share", [0.0, 0.01])
     def test_a_joint_with_too_little_output_does_not_move(self, rig: Rig, share: float):
-        """It stalls, and neither claims to be there nor goes into fault."""
+        """It stalls; it reports neither the end of its move nor a fault."""
         self.weaken(rig, NECK, share)
         rig.say(rig.boards.move, NECK, 30.0)
         rig.run(4.0)
@@ -537,7 +537,7 @@ class TestControllers:
         assert rig.mode(NECK) is ControlMode.POSITION
 
     def test_a_controller_that_is_switched_off_gives_nothing(self, rig: Rig):
-        """And holds again when it is switched on."""
+        """The output is 0, and holds the joint again when the controller is switched on."""
         rig.run(0.2)
         rig.boards.pid_enabled[INDEX[SHOULDER]] = False
         rig.boards.refresh(INDEX[SHOULDER])
@@ -561,7 +561,7 @@ class TestControllers:
             assert rig.boards.output[axis] == pytest.approx(percent, abs=1e-6)
 
     def test_moves_beyond_the_limits_end_at_them(self, rig: Rig):
-        """So do speeds and direct positions."""
+        """Position moves, speeds and direct positions."""
         axis = INDEX[NECK]
         rig.boards.speeds[axis] = 100.0
         rig.say(rig.boards.move, NECK, 500.0)
@@ -578,7 +578,7 @@ class TestControllers:
         assert rig.boards.direct[axis] == -50.0
 
     def test_a_stop_ends_within_the_stopping_distance_and_that_is_the_target(self, rig: Rig):
-        """In the middle of a move."""
+        """A move is stopped halfway."""
         rig.boards.speeds[INDEX[NECK]] = 40.0
         rig.say(rig.boards.move, NECK, 40.0)
         rig.run(0.5)
@@ -618,7 +618,7 @@ class TestCalibration:
         return seen
 
     def test_the_chain(self, rig: Rig):
-        """Calibrating, done, position; nothing else is taken meanwhile, and the joint stays."""
+        """Calibrating, done, position; no other mode is taken meanwhile, and the joint does not move."""
         axis = INDEX[ELBOW]
         start = rig.at(ELBOW)
         rig.boards.calibrate(axis)
@@ -642,7 +642,7 @@ class TestCalibration:
         assert rig.mode(ELBOW) is ControlMode.HARDWARE_FAULT
 
     def test_asked_for_twice_it_begins_anew(self, rig: Rig):
-        """There is one chain, and it takes half a second from the last time."""
+        """The second request replaces the first, and takes half a second."""
         rig.boards.calibrate(INDEX[ELBOW])
         rig.run(0.3)
         rig.boards.calibrate(INDEX[ELBOW])

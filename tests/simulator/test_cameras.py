@@ -17,7 +17,7 @@ from rtf.simulator.rendering import rendering_back_end
 
 
 def obstacle() -> str:
-    """Say why no picture can be made here; nothing when it can."""
+    """Return why no picture can be rendered here; empty if it can."""
     if not (find_spec("mujoco") and find_spec("icub_models")):
         return "needs pip install 'rtf[sim]'"
     try:
@@ -32,18 +32,18 @@ needs_pictures = pytest.mark.skipif(bool(obstacle()), reason=obstacle() or "pict
 
 @pytest.fixture(scope="module")
 def robot() -> Plant:
-    """A robot to be seen."""
+    """A robot in front of the cameras."""
     return build_icub(Options(cameras=True))
 
 
 def reds(picture) -> np.ndarray:
-    """Where a picture is red."""
+    """The pixels that are red."""
     red, green, blue = (picture[..., channel].astype(int) for channel in range(3))
     return np.argwhere((red > 60) & (red > 3 * green) & (red > 3 * blue))
 
 
 def greens(picture) -> np.ndarray:
-    """Where a picture is green."""
+    """The pixels that are green."""
     red, green, blue = (picture[..., channel].astype(int) for channel in range(3))
     return np.argwhere((green > 40) & (green > 3 * red) & (green > 2 * blue))
 
@@ -103,13 +103,13 @@ class TestCameras:
             assert len(reds(camera.render(robot.data()))) > 1000
 
     def test_same_state_gives_the_same_picture(self, robot: Plant):
-        """Pictures can be compared."""
+        """Two pictures of one state are equal."""
         with Camera(robot.model, "eyes_right", 160, 120) as camera:
             first, second = camera.render(robot.data()), camera.render(robot.data())
         np.testing.assert_array_equal(first, second)
 
     def test_eyes_are_quick_enough_for_sixty_pictures_a_second(self, robot: Plant):
-        """Best of many, for the machine is shared."""
+        """The best of many counts, as other processes use the machine, too."""
         with Camera(robot.model, "eyes_left", 320, 240) as camera:
             data = robot.data()
 
@@ -121,28 +121,28 @@ class TestCameras:
             assert any(seconds() < 1 / 60 for _ in range(300))
 
     def test_unknown_camera_is_named(self, robot: Plant):
-        """The error lists what there is."""
+        """The error lists the cameras."""
         with pytest.raises(ValueError, match=r"no camera 'nose'.*outside, eyes_left, eyes_right"):
             Camera(robot.model, "nose", 320, 240)
 
     @pytest.mark.parametrize("size", [(0, 240), (320, -1), (5000, 240), (320, 5000)])
     def test_impossible_sizes_are_refused(self, robot: Plant, size):
-        """A picture must fit the memory that was set aside for it."""
+        """A picture must fit the buffer of the renderer."""
         with pytest.raises(ValueError, match=r"not within 1280x960"):
             Camera(robot.model, "eyes_left", *size)
 
     def test_closing_twice_does_nothing(self, robot: Plant):
-        """Cleaning up needs no care."""
+        """The second call raises no error."""
         camera = Camera(robot.model, "eyes_left", 32, 24)
         camera.close()
         camera.close()
 
 
 class TestBackEnds:
-    """Choosing a way to make pictures."""
+    """The choice of a back-end of the renderer."""
 
     def test_machine_without_any_is_told_what_repairs_it(self, monkeypatch):
-        """The packages are named, and what each way lacked."""
+        """The error names the packages to install, and why each back-end failed."""
         monkeypatch.setattr(rendering, "_load", lambda name: None)
         monkeypatch.delenv(rendering.VARIABLE, raising=False)
         rendering_back_end.cache_clear()
@@ -151,7 +151,7 @@ class TestBackEnds:
         rendering_back_end.cache_clear()
 
     def test_second_way_is_taken_when_the_first_is_missing(self, monkeypatch):
-        """OSMesa where EGL finds no driver."""
+        """OSMesa where EGL has no driver."""
         monkeypatch.setattr(rendering, "_obstacle_to_egl", lambda: "no driver")
         monkeypatch.setattr(rendering, "_obstacle_to_osmesa", lambda: "")
         monkeypatch.delenv(rendering.VARIABLE, raising=False)
@@ -160,7 +160,7 @@ class TestBackEnds:
         rendering_back_end.cache_clear()
 
     def test_user_may_ask_for_one(self, monkeypatch):
-        """What the variable names is taken or refused, not replaced."""
+        """The back-end that the variable names is used, or refused with an error."""
         monkeypatch.setattr(rendering, "_obstacle_to_egl", lambda: "")
         monkeypatch.setattr(rendering, "_obstacle_to_osmesa", lambda: "not here")
         monkeypatch.setenv(rendering.VARIABLE, "osmesa")
@@ -171,7 +171,7 @@ class TestBackEnds:
 
 
 class TestMeshes:
-    """Making meshes light."""
+    """The simplification of meshes."""
 
     @staticmethod
     def grid(count: int) -> np.ndarray:
@@ -206,7 +206,7 @@ class TestMeshes:
 
     @pytest.mark.parametrize("content", [b"", b"solid text", bytes(80) + b"\x02\0\0\0" + bytes(50)])
     def test_broken_file_is_named(self, tmp_path, content):
-        """A file that is not as long as it says is no mesh."""
+        """A file whose length does not agree with its header is refused."""
         path = tmp_path / "broken.stl"
         path.write_bytes(content)
         with pytest.raises(ValueError, match=r"broken.stl: not a binary STL"):

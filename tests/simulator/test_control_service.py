@@ -38,7 +38,7 @@ pytestmark = pytest.mark.skipif(
 
 
 class Bench:
-    """A robot of two parts with its service, and somebody who talks to it."""
+    """A robot of two parts with its control service, and a client of it."""
 
     def __init__(self, network: Network, *, lockstep: bool = True, factor: float | None = 1.0) -> None:
         from rtf.simulator.control_service import SimulatorService
@@ -54,13 +54,13 @@ class Bench:
         self.control = SimulatorControl(network=network)
 
     def ask(self, question: str) -> str:
-        """Ask in the port's own words."""
+        """Send a request in the words of the port, and return the reply."""
         answer = self.service.answer(Bottle.parse(question))
         assert isinstance(answer, Bottle)
         return answer.to_text()
 
     def close(self) -> None:
-        """End all of it."""
+        """Close client, service and robot."""
         self.control.close()
         self.service.close()
         self.robot.close()
@@ -68,13 +68,13 @@ class Bench:
 
 @pytest.fixture
 def said() -> list[str]:
-    """What the network reported; a test that expects it takes it out."""
+    """Reports of the network; a test that expects one removes it."""
     return []
 
 
 @pytest.fixture
 def network(said: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Network]:
-    """A network of this process, in which all goes well; afterwards no thread and no descriptor of it is left."""
+    """A network of this process without error reports; afterwards no thread and no descriptor of it is left."""
     monkeypatch.setenv("YARP_RUNTIME_DIR", str(tmp_path / "runtime"))
     threads, descriptors = set(threading.enumerate()), open_descriptors()
     yield Network(LocalNames(), report=said.append)
@@ -93,7 +93,7 @@ def bench(network: Network) -> Iterator[Bench]:
 
 @pytest.fixture
 def moving(network: Network) -> Iterator[Bench]:
-    """A robot whose time passes by itself, as fast as it can."""
+    """A robot whose time passes without participants, as fast as possible."""
     made = Bench(network, lockstep=False, factor=None)
     yield made
     made.close()
@@ -103,7 +103,7 @@ def moving(network: Network) -> Iterator[Bench]:
 
 
 def test_the_status_says_how_it_is(bench: Bench):
-    """Name, time, parts, who takes part, what touches and what is broken, as they are."""
+    """Name, time, parts, participants, contacts and faults, with their present values."""
     with clock.use(LockstepClock("/clock", "tester", network=bench.network)) as time:
         time.sleep(0.05)
         bench.control.inject("jam", "l_elbow", delay=2.0, duration=1.0)
@@ -120,7 +120,7 @@ def test_the_status_says_how_it_is(bench: Bench):
 
 
 def test_who_waits_is_told_with_the_time(bench: Bench):
-    """A participant that sleeps waits for a moment."""
+    """The status names a participant that sleeps, and when it will wake up."""
     bench.control.pause()
     waiting = LockstepClock("/clock", "sleeper", network=bench.network)
     thread = threading.Thread(target=waiting.sleep, args=(1.5,))
@@ -133,7 +133,7 @@ def test_who_waits_is_told_with_the_time(bench: Bench):
 
 
 def test_time_that_has_ended_is_told(bench: Bench, said: list[str]):
-    """An error in the loop is in the status, and everybody who asks sees it."""
+    """An error in the loop is in every status after it."""
 
     def breaks() -> None:
         raise ArithmeticError("the physics exploded")
@@ -147,7 +147,7 @@ def test_time_that_has_ended_is_told(bench: Bench, said: list[str]):
 
 
 def test_what_was_achieved_is_measured(moving: Bench):
-    """As fast as it can is faster than real time by far; the paced robot keeps its pace."""
+    """The factor without a limit is far above 1; with a limit it is that limit."""
     eventually(lambda: moving.control.status().time > 2.0, "time does not pass")
     eventually(lambda: moving.control.status().achieved > 1.5, "time is not faster than the machine's")
     moving.control.set_factor(0.5)
@@ -158,7 +158,7 @@ def test_what_was_achieved_is_measured(moving: Bench):
 
 
 def test_slowing_down_does_not_wait_for_what_has_passed(moving: Bench):
-    """A robot that ran fast goes on at once when it is to be slow."""
+    """After a lower factor is set, the time goes on at once."""
     moving.control.set_factor(20.0)
     eventually(lambda: moving.control.status().time > 3.0, "time does not pass")
     moving.control.set_factor(1.0)
@@ -167,7 +167,7 @@ def test_slowing_down_does_not_wait_for_what_has_passed(moving: Bench):
 
 
 def test_contacts_are_named(bench: Bench):
-    """Two links that touch are told as a pair, once, in order."""
+    """Two links that touch are listed as a pair, once, in order."""
     assert bench.control.contacts() == ()
     simulation = bench.robot.simulation
     with simulation.lock:
@@ -187,7 +187,7 @@ def test_contacts_are_named(bench: Bench):
 
 
 def test_faults_come_and_go(bench: Bench):
-    """Put in by kind, target, parameters and times, told by number, taken out one by one or all."""
+    """Injected by kind, target, parameters and times; listed by number; cleared one by one or all together."""
     boards, elbow = bench.robot.simulation.boards, INDEX["l_elbow"]
     first = bench.control.inject("encoder_bias", "l_elbow", {"bias": 3.0})
     second = bench.control.inject("jam", "l_elbow")
@@ -240,12 +240,12 @@ def test_faults_come_and_go(bench: Bench):
     ],
 )
 def test_answers(bench: Bench, question: str, answer: str):
-    """A request is answered with its result, or with a message that names the error and has a hint."""
+    """A request is answered with its result, or with a message that names the error and a hint."""
     assert bench.ask(question).startswith(answer)
 
 
 def test_kinds_are_told_and_described(bench: Bench):
-    """All of them, with their parameters."""
+    """All kinds are listed with their parameters."""
     assert bench.control.faults() == tuple(KINDS)
     told = bench.control.ask("describe", "jam")
     assert told.find("kind") == "jam"
@@ -256,7 +256,7 @@ def test_kinds_are_told_and_described(bench: Bench):
 
 
 def test_help_is_a_line_each(bench: Bench):
-    """Every request is in it; tools print one a line."""
+    """Each request has one line, which tools print."""
     with pytest.raises(RefusedError, match="there is no fault 'help'"):
         bench.control.inject("help")
     answer = bench.service.answer(Bottle.parse("help"))
@@ -285,7 +285,7 @@ _BUSY = {"step", "reset", "quit", "crash", "hang"}
 @settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(words=st.lists(WORDS.filter(lambda word: not isinstance(word, str) or word not in _BUSY), max_size=8))
 def test_any_question_is_answered(bench: Bench, words: list[object]):
-    """With ok or fail, whatever a stranger says; an answer does not repeat a long question."""
+    """With ok or fail, for any bottle; an answer does not repeat a long question."""
     answer = bench.service.answer(Bottle(words))
     assert isinstance(answer, Bottle)
     assert answer[0] in (Vocab("ok"), Vocab("fail"))
@@ -299,7 +299,7 @@ def test_any_question_is_answered(bench: Bench, words: list[object]):
 
 
 def test_time_is_directed_as_at_the_clock(moving: Bench):
-    """Paused it stands still, a step passes exactly, and then it goes on."""
+    """It is paused, stepped exactly, and continued."""
     paused = moving.control.pause()
     stands = moving.control.status().time
     assert stands - paused < 0.02
@@ -311,7 +311,7 @@ def test_time_is_directed_as_at_the_clock(moving: Bench):
 
 
 def test_a_reset_repairs_and_goes_home(bench: Bench):
-    """Faults are gone, joints at home; time goes on."""
+    """Faults are cleared and joints are at home; the time goes on."""
     boards = bench.robot.simulation.boards
     home = boards.position.copy()
     bench.control.inject("motor_dead", "l_elbow")
@@ -333,13 +333,13 @@ def test_quit_ends_the_program(bench: Bench):
 
 
 def test_nobody_there(network: Network):
-    """Named with its port."""
+    """The error names the port."""
     with SimulatorControl("nobody", network=network) as control, pytest.raises(NameNotFoundError, match="/nobody/sim"):
         control.status()
 
 
 def test_one_that_does_not_answer(network: Network, said: list[str]):
-    """It is waited for as long as was said; the next question connects anew."""
+    """The client waits for the given time; the next request opens a new connection."""
     release = threading.Event()
     answers = iter([None, Bottle([Vocab("ok"), 3])])
 
@@ -361,7 +361,7 @@ def test_one_that_does_not_answer(network: Network, said: list[str]):
 
 
 def test_something_else_at_its_name(network: Network):
-    """An answer that is none is no success."""
+    """A reply without ok or fail is an error."""
     with (
         Port(control_port("odd"), lambda delivery: delivery.reply(Bottle()), network=network),
         SimulatorControl("odd", network=network) as control,
@@ -371,7 +371,7 @@ def test_something_else_at_its_name(network: Network):
 
 
 def test_the_status_in_words(bench: Bench):
-    """Everything is said that somebody who looks for a mistake wants to know."""
+    """The text has all members of the status."""
     bench.control.inject("jam", "l_elbow", duration=3.0)
     with clock.use(LockstepClock("/clock", "tester", network=bench.network)):
         text = describe_status(bench.control.status())
@@ -384,7 +384,7 @@ def test_the_status_in_words(bench: Bench):
 
 
 def test_the_environment_says_by_which_clock_one_lives(bench: Bench):
-    """Lockstep with a simulator, the time that a port publishes, or the machine's own."""
+    """Lockstep with a simulator, the time of a port, or that of the machine."""
     network = bench.network
     assert type(clock_from_environment(network, {})) is clock.SystemClock
     with clock.use(clock_from_environment(network, {"RTF_CLOCK": "lockstep:/clock", "YARP_CLOCK": "/else"})) as time:
@@ -398,6 +398,6 @@ def test_the_environment_says_by_which_clock_one_lives(bench: Bench):
 
 @pytest.mark.parametrize("text", ["clock", "lockstep:", "lockstep:clock", "real time"])
 def test_what_names_no_clock_is_refused(network: Network, text: str):
-    """With what can be written."""
+    """The error lists the valid forms."""
     with pytest.raises(AddressError, match="write lockstep:/clock, or /clock, or nothing"):
         clock_from_environment(network, {"RTF_CLOCK": text})

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def obstacle() -> str:
-    """Say why no image can be made here; nothing when it can."""
+    """Return why no image can be rendered here; empty if it can."""
     if not find_spec("mujoco"):
         return "needs pip install 'rtf[sim]'"
     try:
@@ -42,7 +42,7 @@ EXACT = msgspec.structs.replace(SETTINGS, noise=0.0)
 
 
 def bench(seed: int = 0) -> Simulation:
-    """A bench to be seen."""
+    """A bench in front of its depth camera."""
     from rtf.simulator.plant import Options, build
     from rtf.simulator.simulation import Simulation
 
@@ -107,7 +107,7 @@ def test_nothing_is_measured_out_of_the_clip_planes():
 
 
 def test_noise_is_by_the_seed():
-    """Its deviation is that of the settings; the noise of other sensors does not depend on it."""
+    """Its deviation is that of the settings, and the noise of other sensors does not change."""
     one, same, other = bench(), bench(), bench(seed=1)
     noisy = msgspec.structs.replace(SETTINGS, noise=0.02)
     found = []
@@ -127,7 +127,7 @@ def test_noise_is_by_the_seed():
 
 
 def test_an_unknown_camera_is_named():
-    """The error says which there are."""
+    """The error lists the cameras."""
     with pytest.raises(ValueError, match="no camera 'inside'; there are outside"):
         camera(msgspec.structs.replace(SETTINGS, camera="inside"), bench())
 

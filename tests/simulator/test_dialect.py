@@ -1,4 +1,4 @@
-"""The simulated robot speaks what its network does: also YARP 4's service."""
+"""A simulated robot has the ports and messages of its network's dialect, that of YARP 4 included."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_a_client_of_yarp_4_drives_the_arm():
 
 
 def test_ports_of_yarp_3_are_not_there():
-    """The questions of the one are not those of the other: there is one RPC port, the service's."""
+    """With dialect 4 there is one RPC port, that of the service."""
     network = Network(LocalNames(), dialect=Dialect.YARP4, report=lambda _sentence: None)
     with SimulatedRobot(ICUB, network=network, parts=("torso",), lockstep=True):
         names = {contact.name for contact in network.names.list("/icubSim/torso")}

@@ -1,4 +1,4 @@
-"""The dry friction of the joints: what sticks stays, what moves is braked, and nothing is pushed."""
+"""The dry friction of joints: a joint at rest stays at rest, a moving one is braked, and none is pushed."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Joint:
             friction.reset()
 
     def run(self, seconds: float, torque: float = 0.0, drive: Callable[[int], float] = lambda _: 0.0) -> None:
-        """Let time pass with a torque at the hinge from outside, and one of the drive, which may change each step."""
+        """Simulate with an external torque at the hinge and one of the drive, which may change each step."""
         for number in range(round(seconds / self.model.opt.timestep)):
             mujoco().mj_step1(self.model, self.data)
             self.data.qfrc_applied[self.dof] = torque
@@ -71,14 +71,14 @@ class Joint:
         return float(np.degrees(self.data.qvel[self.dof]))
 
     def throw(self, speed: float) -> None:
-        """Let it have a speed (deg/s)."""
+        """Set its speed (deg/s)."""
         self.data.qvel[self.dof] = np.radians(speed)
 
 
 @pytest.mark.parametrize("axis", [ELBOW, FINGER])
 @pytest.mark.parametrize("share", [-0.95, 0.5, 0.95])
 def test_what_is_pushed_by_less_than_the_friction_stays(axis: int, share: float):
-    """It gives way by less than a tenth of a degree, once, and does not creep."""
+    """It moves by less than a tenth of a degree, once, and does not creep."""
     joint = Joint(axis)
     begin = joint.at
     joint.run(1.0, share * joint.most)
@@ -91,7 +91,7 @@ def test_what_is_pushed_by_less_than_the_friction_stays(axis: int, share: float)
 @pytest.mark.parametrize("axis", [ELBOW, FINGER])
 @pytest.mark.parametrize("drive", [lambda number: (-0.9, 0.9)[number % 2], lambda number: 0.99 * number / 1000])
 def test_what_is_driven_by_less_than_the_friction_does_not_move_at_all(axis: int, drive: Callable[[int], float]):
-    """However the drive changes its mind: nothing trembles, and no encoder counts."""
+    """However the torque of the drive changes, no encoder counts."""
     joint = Joint(axis)
     begin = joint.at
     joint.run(1.0, drive=lambda number: drive(number) * joint.most)
@@ -102,7 +102,7 @@ def test_what_is_driven_by_less_than_the_friction_does_not_move_at_all(axis: int
 @pytest.mark.parametrize("engine", [False, True])
 @pytest.mark.parametrize("axis", [ELBOW, FINGER])
 def test_a_drive_that_grows_moves_it_beyond_the_friction(axis: int, engine: bool):
-    """Not before, and soon after, as with the engine's own."""
+    """Not before, and soon after, as with the friction of the engine."""
     joint = Joint(axis, engine=engine)
     begin = joint.at
     joint.run(1.0, drive=lambda number: 0.98 * joint.most * number / 1000)
@@ -127,7 +127,7 @@ def test_what_is_pushed_by_more_moves_as_with_the_engines_own(axis: int, share: 
 
 @pytest.mark.parametrize("axis", [ELBOW, FINGER])
 def test_what_is_thrown_comes_to_rest_as_with_the_engines_own(axis: int):
-    """After the same way, for the same energy is taken; and then it stays."""
+    """It comes to rest after the same way, and stays there."""
     ours, theirs = Joint(axis), Joint(axis, engine=True)
     ways = []
     for joint in (ours, theirs):
@@ -142,7 +142,7 @@ def test_what_is_thrown_comes_to_rest_as_with_the_engines_own(axis: int):
 
 @pytest.mark.parametrize("axis", [ELBOW, FINGER])
 def test_what_is_stopped_is_not_pushed_on(axis: int):
-    """Anyone who stops a quick joint does not feel the friction press it against the stop."""
+    """Friction does not press a joint against the stop that has ended its motion."""
     joint = Joint(axis)
     joint.throw(150.0)
     joint.run(0.02)

@@ -84,13 +84,13 @@ class Program:
         self.process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
 
     def ready(self) -> Self:
-        """Wait for its word."""
+        """Wait until it says that it is ready."""
         assert self.process.stdout is not None
         assert self.process.stdout.readline() == "ready\n"
         return self
 
     def kill(self) -> None:
-        """End it; it says good-bye to nobody."""
+        """Kill it with SIGKILL."""
         with self.process:  # which waits for it and closes its pipe
             self.process.kill()
 
@@ -118,7 +118,7 @@ def network(server: NameServer) -> Iterator[Network]:
 
 
 def moving(client: RemoteControlBoard, target: float) -> bool:
-    """Whether the neck is on its way; it is asked to be if need be."""
+    """Return whether the neck moves; a move is commanded if it does not."""
     try:
         if client.target_positions(2)[0] != target:
             client.set_reference_speeds(30.0, 2)
@@ -131,7 +131,7 @@ def moving(client: RemoteControlBoard, target: float) -> bool:
 @pytest.mark.torture
 @pytest.mark.timeout(60 + 10 * ROUNDS)
 def test_a_simulator_that_is_killed_in_mid_motion_comes_back(server: NameServer, network: Network):
-    """Under the same names, at home and obedient, and the client that was connected goes on with the new one."""
+    """It has the same names, is at home and takes commands, and a client that was connected continues with it."""
     chance = random.Random(20261121)
     with ExitStack() as opened:
         simulator = opened.enter_context(Program(_SIMULATOR, server)).ready()
@@ -150,7 +150,7 @@ def test_a_simulator_that_is_killed_in_mid_motion_comes_back(server: NameServer,
 
 
 def fails(client: RemoteControlBoard) -> bool:
-    """Whether the board says nothing."""
+    """Return whether the board does not answer."""
     try:
         client.encoders()
     except RobotError:

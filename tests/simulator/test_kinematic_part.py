@@ -1,4 +1,4 @@
-"""The face is a board like the others, in the time of the simulation."""
+"""The face is a control board whose joints follow its trajectories in simulated time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The simulated robot on the network in lockstep: what is heard when, who takes part, and all limits of all parts."""
+"""The simulated robot in lockstep on the network: messages before the end of a sleep, participants, all limits."""
 
 from __future__ import annotations
 
@@ -58,32 +58,32 @@ def robot(network: Network) -> Iterator[SimulatedRobot]:
 
 @pytest.fixture
 def time(network: Network, robot: SimulatedRobot) -> Iterator[clock.Clock]:
-    """Its time, in which the test takes part."""
+    """The robot's clock, of which this process is a participant."""
     with clock.use(LockstepClock("/clock", "test", network=network)) as time:
         yield time
 
 
 def client_of(network: Network, part: str) -> RemoteControlBoard:
-    """A client that loses nothing."""
+    """A client that receives every message."""
     client = RemoteControlBoard(part, network=network)
     client.open(Property({"remote": f"/icubSim/{part}", "local": f"/test/{part}", "carrier": "tcp"}))
     return client
 
 
 def ear(network: Network, source: str) -> BufferedPort[Bottle]:
-    """A port that keeps all that is sent."""
+    """A port that keeps all received messages."""
     port = BufferedPort(f"/ear{source}", strict=True, network=network, outputs=False)
     connect(network, Contact.parse(source), Contact.parse(port.name))
     return port
 
 
 def stamps(port: BufferedPort[Bottle]) -> list[float]:
-    """The times on the envelopes of all that came so far."""
+    """The times of all envelopes so far."""
     return [as_float(Bottle.parse(port.receive(1.0).envelope).get(1)) for _ in range(port.pending)]
 
 
 class TestMessages:
-    """What has been heard when a sleep is over."""
+    """What has arrived when a sleep ends."""
 
     def test_every_state_of_two_seconds_is_there_with_its_stamp(self, network: Network, time: clock.Clock):
         """A hundred a second, none missing, each at its moment, and none comes after the sleep that it belongs to."""
@@ -112,7 +112,7 @@ class TestMessages:
     def test_a_state_read_after_a_sleep_is_that_of_its_end(
         self, network: Network, robot: SimulatedRobot, time: clock.Clock
     ):
-        """A client of the board knows where the robot is now, not where it was."""
+        """A client of the board reads the position at the end of the sleep."""
         board = robot.parts["left_arm"]
         with client_of(network, "left_arm") as arm:
             time.sleep(0.02)
@@ -127,7 +127,7 @@ class TestMessages:
             assert arm.encoder(3) > 50.0
 
     def test_a_command_counts_from_the_moment_it_was_said(self, network: Network, time: clock.Clock):
-        """A move that takes a second is done after a second, to the millisecond."""
+        """A move that takes a second is done a second after its command, to the millisecond."""
         with client_of(network, "left_arm") as arm:
             time.sleep(0.02)
             arm.set_reference_speeds(30.0, 3)
@@ -139,10 +139,10 @@ class TestMessages:
 
 
 class TestParticipants:
-    """Who takes part in the time."""
+    """Processes that take part in the time."""
 
     def test_each_wakes_at_its_own_moments(self, network: Network, robot: SimulatedRobot):
-        """Time goes to anyone who wakes first, however differently they sleep."""
+        """The time advances to the earliest wake-up, however the participants sleep."""
         woken: list[tuple[str, float]] = []
         ready = threading.Barrier(2)
 
@@ -162,7 +162,7 @@ class TestParticipants:
         assert [at for name, at in woken if name == "b"] == [round(0.05 * n, 6) for n in range(1, 7)]
 
     def test_one_that_is_killed_holds_the_time_no_more(self, tmp_path, monkeypatch: pytest.MonkeyPatch):
-        """A process that took part and did not sleep dies, and those who sleep go on."""
+        """A participant that does not sleep is killed; the others go on."""
         monkeypatch.setenv("YARP_RUNTIME_DIR", str(tmp_path))
         with NameServer() as server, ExitStack() as opened:
             names = RemoteNames(server.contact)
@@ -178,7 +178,7 @@ class TestParticipants:
             sleeper = threading.Timer(0.0, lambda: eventually(waits, "nobody waits") or other.kill())
 
             def waits() -> bool:
-                """Whether one waits and the other works."""
+                """One participant waits while the other works."""
                 return sorted(one.until is None for one in robot.clock.participants) == [False, True]
 
             sleeper.start()
@@ -206,16 +206,16 @@ signal.pause()
 
 
 class TestDirecting:
-    """Time that is paused, stepped through and begun anew."""
+    """Time that is paused, stepped and reset."""
 
     @pytest.fixture
     def ask(self, network: Network, robot: SimulatedRobot) -> Iterator[Any]:
-        """Somebody who directs the time without taking part."""
+        """A client of the clock that takes no part in the time."""
         with closing(RpcClient("", "/clock", network=network)) as client:
             yield lambda *words: client.call(Bottle(words), timeout=20.0)
 
     def test_pause_step_and_continue(self, network: Network, robot: SimulatedRobot, ask: Any):
-        """While it is paused only steps let time pass, and who sleeps goes on sleeping."""
+        """While it is paused only steps advance the time, and sleepers go on sleeping."""
         assert ask("pause") == Bottle([Vocab("ok"), 0.0])
         woken: list[float] = []
 
@@ -249,7 +249,7 @@ class TestDirecting:
             assert arm.target_positions(3) == pytest.approx([45.0], abs=0.1)
 
     def test_the_clock_is_published_and_followed(self, network: Network, robot: SimulatedRobot, ask: Any):
-        """Who lives by ``/clock`` without taking part knows the time as it is, to the millisecond."""
+        """A process that reads ``/clock`` has the simulated time, to the millisecond."""
         with closing(NetworkClock("/clock", network=network)) as follower:
             ask("pause")
             ask("step", 0.5)
@@ -268,7 +268,7 @@ _BACKWARDS = frozenset({"right_arm", "right_leg"})
 
 
 def moves(part: str) -> list[tuple[int, float]]:
-    """What a part does: each joint goes to its lower limit, its upper one, and home."""
+    """The program of a part: each joint moves to its lower limit, its upper limit, and home."""
     joints = [*enumerate(PARTS[part])]
     if part in _BACKWARDS:
         joints.reverse()
@@ -276,7 +276,7 @@ def moves(part: str) -> list[tuple[int, float]]:
 
 
 def test_all_limits_of_all_parts_are_reached(network: Network):
-    """Each of the 53 joints goes to both limits and back home: within 0.2 degrees, and nothing touches."""
+    """Each of the 53 joints reaches both limits and home within 0.2 degrees, without contacts."""
     touched: set[tuple[str, str]] = set()
     missed: list[str] = []
     reached = 0

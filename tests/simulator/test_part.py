@@ -117,7 +117,7 @@ class TestThroughTheNetwork(_PartContract):
 
 
 class TestPart:
-    """What a part is among the others, and what it tells beyond the contract."""
+    """A part among others, and what it reports beyond the contract of boards."""
 
     @pytest.mark.parametrize("name", PARTS)
     def test_axes_are_those_of_the_part(self, name: str, rig: Rig):
@@ -143,7 +143,7 @@ class TestPart:
         assert first == part.axes()
 
     def test_a_command_to_a_part_is_one_to_its_axes_only(self):
-        """The others keep mode, target and place."""
+        """Axes of other parts keep mode, target and position."""
         rig = Rig()
         arm = rig.part("right_arm")
         before = rig.boards.targets.copy()
@@ -164,7 +164,7 @@ class TestPart:
         assert set(arm.interaction_modes()[5:]) == {InteractionMode.STIFF}
 
     def test_what_a_reader_gets_is_its_own(self):
-        """Changing a reading changes nothing in the robot."""
+        """Changing a returned array changes nothing in the robot."""
         part = Rig().part("head")
         for read in (part.encoders, part.target_positions, part.reference_speeds, part.temperatures, part.torques):
             read()[:] = 1e6

@@ -1,4 +1,4 @@
-"""How the robot moves, what it weighs, what stops it, and what its sensors make of that."""
+"""The mechanics of the robot: motion, weight, contacts, and what its sensors measure of them."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ FURTHER_LINKS = {
 
 @pytest.fixture(scope="module")
 def robot() -> Plant:
-    """A robot that nobody changes."""
+    """A robot that no test changes."""
     return build_icub()
 
 
 @pytest.fixture(scope="module")
 def ideal() -> Plant:
-    """A robot without losses, and without anything to touch; nobody changes it."""
+    """A robot without friction, damping and contacts that no test changes."""
     return build_icub(Options(friction=False, damping=False, collision="none"))
 
 
@@ -59,13 +59,13 @@ class Servo:
         self.touched = 0
 
     def reset(self) -> None:
-        """Go home at once."""
+        """Return to home at once."""
         self.robot.reset(self.data)
         self.target[:] = self.robot.home_axes
         self.integral[:] = 0
 
     def step(self) -> None:
-        """Two milliseconds."""
+        """Simulate two milliseconds."""
         data = self.data
         error = self.target - data.actuator_length
         self.integral = np.clip(self.integral + self.share * error, -0.02, 0.02)
@@ -75,12 +75,12 @@ class Servo:
         self.touched += data.ncon
 
     def settle(self, seconds: float) -> None:
-        """Hold for a while."""
+        """Hold all axes for some time."""
         for _ in range(round(seconds / self.robot.model.opt.timestep / self.STEPS)):
             self.step()
 
     def sweep(self, axis: int, angle: float, speed: float) -> None:
-        """Lead one axis to an angle (rad) at a speed (rad/s)."""
+        """Move one axis to an angle (rad) at a speed (rad/s)."""
         stride = speed * self.STEPS * self.robot.model.opt.timestep
         begin = self.target[axis]
         for place in np.linspace(begin, angle, 2 + int(abs(angle - begin) / stride)):
@@ -106,7 +106,7 @@ def touching(robot: Plant, data) -> set[frozenset[str]]:
 
 
 def balanced(robot: Plant, data) -> None:
-    """Let the drives carry the robot's weight to the last bit."""
+    """Set the torques that exactly carry the robot's weight."""
     data.ctrl[:] = robot.axis_torques(data.qfrc_bias)
     mujoco().mj_forward(robot.model, data)
 
@@ -145,7 +145,7 @@ class TestMovement:
         assert max(beyond) < 3 * ratio
 
     def test_moving_all_axes_at_once_stays_finite(self, robot: Plant):
-        """Sinusoids on everything, touching included, for a second."""
+        """Sinusoidal torques on all axes, with contacts, for a second."""
         servo = Servo(robot)
         low, high = (np.radians([getattr(axis, end) for axis in AXES]) for end in ("minimum", "maximum"))
         for step in range(500):
@@ -160,7 +160,7 @@ class TestDynamics:
     """The mechanics are those of theory."""
 
     def test_torques_of_a_held_pose_are_gravitys(self, ideal: Plant):
-        """Held by springs until at rest, the drives give what inverse dynamics says."""
+        """At rest, the torques of the drives are those of inverse dynamics."""
         servo = Servo(ideal)
         servo.target += np.radians(np.linspace(1, 8, 53))
         servo.settle(1.5)
@@ -172,7 +172,7 @@ class TestDynamics:
         assert np.abs(given).max() > 3
 
     def test_energy_is_kept_in_a_free_swing(self, ideal: Plant):
-        """Without losses and stops, height turns into speed and nothing is lost."""
+        """Without friction and stops, kinetic and potential energy add up to a constant."""
         swinging = build_icub(Options(friction=False, damping=False, collision="none", timestep=2e-4))
         swinging.model.jnt_limited[:] = 0
         swinging.model.tendon_limited[:] = 0
@@ -204,7 +204,7 @@ class TestEyes:
 
     @pytest.mark.parametrize(("axis", "signs"), [("eyes_version", (1, 1)), ("eyes_vergence", (1, -1))])
     def test_torque_moves_its_axis_and_not_the_other(self, ideal: Plant, axis, signs):
-        """Version turns both eyes alike, vergence one against the other, and neither stirs its twin."""
+        """Version turns both eyes alike, vergence turns them in opposite directions; neither changes the other."""
         data = posed(ideal, eyes_vergence=20)
         other = {"eyes_version": "eyes_vergence", "eyes_vergence": "eyes_version"}[axis]
         before = data.actuator_length.copy()
@@ -389,7 +389,7 @@ class TestFaults:
         assert math.degrees(servo.data.actuator_length[index]) == pytest.approx(45, abs=0.5)
 
     def test_cut_drive_lets_the_arm_fall_and_still_tells_its_angle(self):
-        """Without gain the torque is gone, the encoder is not."""
+        """Without gain there is no torque, and the encoder still shows the angle."""
         robot = build_icub()
         servo, index = Servo(robot), INDEX["l_shoulder_pitch"]
         robot.model.actuator_gainprm[index, 0] = 0

@@ -1,4 +1,4 @@
-"""What the model consists of."""
+"""The elements of the model: actuators, limits, links, and options."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.skipif(
 
 @pytest.fixture(scope="module")
 def robot() -> Plant:
-    """A robot that nobody changes."""
+    """A robot that no test changes."""
     return build_icub()
 
 
@@ -40,7 +40,7 @@ class TestAxes:
     """The actuators are the axes."""
 
     def test_actuators_are_the_axes_in_order(self, robot: Plant):
-        """Nobody has to gather: column i is axis i."""
+        """Column i of the arrays is axis i."""
         assert robot.model.nu == robot.model.nactuator == robot.model.nv == 53
         assert [robot.model.actuator(index).name for index in range(53)] == [axis.name for axis in AXES]
 
@@ -66,21 +66,21 @@ class TestAxes:
         np.testing.assert_allclose(robot.jacobian @ data.qvel, speed, atol=1e-12)
 
     def test_jacobian_is_the_same_in_every_pose(self, robot: Plant):
-        """The relation between axes and hinges is linear, so it can be computed once."""
+        """The relation between axes and hinges is linear, so it is computed once."""
         data = robot.data()
         data.qpos[:] += 0.2
         mujoco().mj_forward(robot.model, data)
         np.testing.assert_array_equal(axis_jacobian(robot.model, data), robot.jacobian)
 
     def test_torque_is_cut_at_what_the_drive_can_give(self, robot: Plant):
-        """A board may ask for anything."""
+        """A commanded torque beyond the limit has the effect of the limit."""
         data = robot.data()
         data.ctrl[:] = 1e6
         mujoco().mj_forward(robot.model, data)
         np.testing.assert_allclose(data.actuator_force, [axis.max_torque for axis in AXES])
 
     def test_torque_at_an_axis_does_the_axis_work(self, robot: Plant):
-        """Power at the axes is power at the hinges, whatever is between them."""
+        """The power at the axes is that at the hinges, whatever the transmission."""
         data = robot.data()
         data.qvel[:] = np.linspace(-1, 1, 53)
         data.ctrl[:] = np.linspace(0.1, 0.2, 53)
@@ -109,7 +109,7 @@ class TestLimits:
     """Mechanical limits."""
 
     def test_software_limits_are_within_the_mechanical_ones(self, robot: Plant):
-        """A board that keeps to its limits never touches a stop; the stops are as far beyond as they are said to be."""
+        """The stops are beyond the limits by the documented distance."""
         for index, axis in enumerate(AXES):
             actuator = robot.model.actuator(index)
             place = int(actuator.trnid[0])
@@ -134,7 +134,7 @@ class TestLimits:
         assert robot.model.dof_frictionloss[robot.dofs[INDEX["l_pinky"]]] / 3 == pytest.approx(pinky.friction)
 
     def test_what_the_eyes_have_adds_up(self, robot: Plant):
-        """Version has two pans, which share its torque; each has vergence's whole, one against the other."""
+        """Version moves two hinges, which share its torque; vergence has all of its torque at each of them."""
         version, vergence = AXES[INDEX["eyes_version"]], AXES[INDEX["eyes_vergence"]]
         pans = robot.dofs[INDEX["eyes_version"]]
         np.testing.assert_allclose(robot.model.dof_armature[pans] * 2, version.armature)
@@ -145,7 +145,7 @@ class TestLimits:
         np.testing.assert_allclose(robot.model.dof_frictionloss[pans], vergence.friction)
 
     def test_inertia_of_an_axis_is_torque_over_acceleration(self):
-        """What controllers scale their gains with is what they find."""
+        """The inertia by which the gains are scaled is that of the dynamics."""
         free = build_icub(Options(friction=False, damping=False, collision="none"))
         data = free.data()
         inertia = free.axis_inertia(data)
@@ -168,7 +168,7 @@ class TestParts:
         assert robot.model.body_mass.sum() == pytest.approx(33.06 + added, abs=0.02)
 
     def test_engine_is_set_as_promised(self, robot: Plant):
-        """A step is a millisecond, and the integrator takes damping implicitly."""
+        """The time step is a millisecond, and damping is integrated implicitly."""
         assert robot.model.opt.timestep == 0.001
         assert robot.model.opt.integrator == mujoco().mjtIntegrator.mjINT_IMPLICITFAST
 
@@ -182,11 +182,11 @@ class TestParts:
 
     @pytest.mark.parametrize("collision", ["capsules", "hulls"])
     def test_nothing_touches_at_home(self, collision):
-        """Home is a pose to start from."""
+        """There are no contacts in the home pose."""
         assert build_icub(Options(collision=collision)).data().ncon == 0
 
     def test_without_collisions_nothing_ever_touches(self):
-        """The option takes the shapes away."""
+        """With that option no shape collides."""
         model = build_icub(Options(collision="none")).model
         assert not model.geom_contype.any()
 
@@ -213,7 +213,7 @@ class TestBuilding:
     """Making the model."""
 
     def test_building_is_quick(self):
-        """A simulator that must start in a second and a half cannot spend it here; a busy machine is not counted."""
+        """A simulator has to start in 1.5 s; the time that other processes take is not counted."""
 
         def seconds() -> float:
             began = resource.getrusage(resource.RUSAGE_THREAD).ru_utime
@@ -224,11 +224,11 @@ class TestBuilding:
 
     @pytest.mark.parametrize("options", [Options(), Options(cameras=True)], ids=["plain", "cameras"])
     def test_two_builds_are_the_same_to_the_byte(self, options):
-        """A measurement can be repeated."""
+        """The saved models of two builds are equal."""
         assert saved(build_icub(options)) == saved(build_icub(options))
 
     def test_cameras_change_nothing_in_the_mechanics(self, robot: Plant):
-        """What is only seen weighs nothing and touches nothing."""
+        """Visible shapes have no mass and do not collide."""
         seen = build_icub(Options(cameras=True))
         np.testing.assert_array_equal(seen.model.body_mass, robot.model.body_mass)
         np.testing.assert_array_equal(seen.model.body_inertia, robot.model.body_inertia)
@@ -253,7 +253,7 @@ class TestBuilding:
         subprocess.run([sys.executable, "-c", textwrap.dedent(program)], check=True, timeout=60)
 
     def test_missing_engine_is_named_with_its_hint(self, monkeypatch):
-        """Anyone who lacks an optional package is told what to install."""
+        """The error has the ``pip install`` line of the missing package."""
         monkeypatch.setitem(sys.modules, "mujoco", None)
         engine.mujoco.cache_clear()
         with pytest.raises(MissingPackageError, match=r"mujoco-core: pip install 'rtf\[sim\]'"):

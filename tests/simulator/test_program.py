@@ -1,4 +1,4 @@
-"""The simulated robot as a program of its own: what it opens and says, how it ends, and what is left then: nothing."""
+"""The simulator as a program: the ports that it opens, its output and exit codes, and that nothing of it is left."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _LIMIT = 30.0
 
 
 class Program:
-    """One run of it."""
+    """One run of the program."""
 
     def __init__(self, folder: Path, settings: str, before: str) -> None:
         self._err = folder / f"stderr-{len([*folder.iterdir()])}.txt"
@@ -58,16 +58,16 @@ class Program:
 
     @property
     def said(self) -> str:
-        """What it said so far."""
+        """Its output so far."""
         return self._err.read_text(encoding="utf-8")
 
     def until(self, text: str) -> None:
-        """Wait until it has said something."""
+        """Wait until its output has a text."""
         eventually(lambda: text in self.said or self.process.poll() is not None, f"{text!r} does not come", _LIMIT)
         assert text in self.said, self.said
 
     def end(self, *signals: signal.Signals) -> int:
-        """Send signals, each when the one before has been heard; wait for its end."""
+        """Send signals, each after the report of the one before; wait for its end."""
         for number, one in enumerate(signals, 1):
             self.process.send_signal(one)
             eventually(
@@ -87,24 +87,24 @@ class Lab:
         self.programs: list[Program] = []
 
     def start(self, settings: str = "parts=('head',)", before: str = "") -> Program:
-        """Start one."""
+        """Start the program."""
         self.programs.append(Program(self.folder, settings, before))
         return self.programs[-1]
 
     def ready(self, settings: str = "parts=('head',)", before: str = "") -> Program:
-        """Start one, and wait until it is ready."""
+        """Start the program, and wait until it is ready."""
         program = self.start(settings, before)
         program.until("READY")
         return program
 
     @property
     def network(self) -> Network:
-        """The network in which it is."""
+        """The network of its name server."""
         return Network(configuration.find_names())
 
     @property
     def names(self) -> list[str]:
-        """What is registered, beside the name server itself."""
+        """The registered names, without that of the name server."""
         return [name for name in (contact.name for contact in self.network.names.list()) if name not in _OWN]
 
 
@@ -113,7 +113,7 @@ _OWN = {"/root", "fallback"}
 
 @pytest.fixture
 def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Lab]:
-    """A name server of the test's own; afterwards no program runs, and every name was given back."""
+    """A name server of the test; afterwards no program runs, and all names are unregistered."""
     monkeypatch.setenv("YARP_CONFIG_HOME", str(tmp_path / "user"))
     for name in ("YARP_NAMESPACE", "YARP_PORT_PREFIX"):
         monkeypatch.delenv(name, raising=False)
@@ -129,7 +129,7 @@ def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Lab]:
 
 
 def test_it_opens_says_what_and_is_ready(lab: Lab):
-    """All ports of the robot are registered when it says that it is ready, and given back when it ends."""
+    """All ports are registered when it says READY, and unregistered when it ends."""
     program = lab.ready("robot='bot', parts=('head', 'left_arm')")
     line = next(line for line in program.said.splitlines() if line.startswith("READY"))
     assert line.startswith("READY bot in ")
@@ -150,7 +150,7 @@ def test_it_opens_says_what_and_is_ready(lab: Lab):
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_it_in_order(lab: Lab, how: signal.Signals):
-    """With exit code 0 and all names given back, also while somebody waits for its time."""
+    """With exit code 0 and all names unregistered, also while a participant waits for the time."""
     program = lab.ready("parts=('head',), lockstep=True")
     with RpcClient("/waits", "/clock", network=lab.network) as client:
         client.call(Bottle(["join", "one"]))
@@ -161,7 +161,7 @@ def test_a_signal_ends_it_in_order(lab: Lab, how: signal.Signals):
 
 
 def test_a_second_signal_ends_it_at_once(lab: Lab):
-    """Whatever hangs while it closes."""
+    """Although closing its ports hangs."""
     hangs = (
         "import threading, rtf.simulator.robot as icub\nicub.SimulatedRobot.close = lambda _: threading.Event().wait()"
     )
@@ -170,7 +170,7 @@ def test_a_second_signal_ends_it_at_once(lab: Lab):
 
 
 def test_a_signal_while_it_starts(lab: Lab):
-    """It is not lost: what was opened is closed."""
+    """The ports that are open by then are closed."""
     early = "import os, signal, rtf.simulator.robot as icub\nmade = icub.SimulatedRobot.__init__\n"
     early += "def make(*a, **k):\n    os.kill(os.getpid(), signal.SIGTERM)\n    made(*a, **k)\n"
     program = lab.start(before=f"{early}icub.SimulatedRobot.__init__ = make")
@@ -180,7 +180,7 @@ def test_a_signal_while_it_starts(lab: Lab):
 
 
 def test_its_control_port_ends_it(lab: Lab):
-    """Anyone who asks is answered."""
+    """A request to quit is answered, and the program ends."""
     program = lab.ready()
     with SimulatorControl(network=lab.network) as control:
         control.quit()
@@ -189,7 +189,7 @@ def test_its_control_port_ends_it(lab: Lab):
 
 
 def test_faults_of_the_process(lab: Lab):
-    """A hang leaves its ports without an answer, a crash leaves no process."""
+    """A hang leaves the ports without answers, a crash leaves no process."""
     program = lab.ready()
     with SimulatorControl(network=lab.network) as control:
         control.inject("hang", delay=0.05)
@@ -201,7 +201,7 @@ def test_faults_of_the_process(lab: Lab):
 
 
 def test_there_is_one_robot_of_a_name(lab: Lab):
-    """The second says who has it, and leaves the first alone."""
+    """The second program names the port that exists, and the first one goes on."""
     first = lab.ready()
     second = lab.start()
     assert second.end() == 1
@@ -212,7 +212,7 @@ def test_there_is_one_robot_of_a_name(lab: Lab):
 
 
 def test_one_that_was_killed_can_be_started_again(lab: Lab):
-    """Its names are taken over from the dead."""
+    """It takes the names that the killed one has left."""
     lab.ready().process.kill()
     lab.programs[0].process.wait()
     assert lab.ready().end(signal.SIGTERM) == 0
@@ -220,7 +220,7 @@ def test_one_that_was_killed_can_be_started_again(lab: Lab):
 
 
 def test_without_a_name_server(lab: Lab):
-    """It says so, and ends."""
+    """The program ends with an error that names the missing server."""
     with NameServer() as gone:
         configuration.write_place(gone.contact)
     program = lab.start()
@@ -229,7 +229,7 @@ def test_without_a_name_server(lab: Lab):
 
 
 def test_it_can_be_the_name_server_itself(lab: Lab):
-    """At the place that the configuration says; one program is a whole robot."""
+    """At the configured address, so that no other program is needed."""
     with NameServer() as gone:
         configuration.write_place(gone.contact)
     program = lab.ready("parts=('head',), nameserver=True")
@@ -241,14 +241,14 @@ def test_it_can_be_the_name_server_itself(lab: Lab):
 
 
 def test_two_name_servers_at_a_place(lab: Lab):
-    """The fix is reported."""
+    """The error says which option to leave out."""
     program = lab.start("nameserver=True")
     assert program.end() == 1
     assert "leave out --nameserver" in program.said
 
 
 def test_the_file_that_says_it_is_ready(lab: Lab):
-    """It holds the line, and is gone with the program."""
+    """The file has the READY line, and is removed at the end."""
     program = lab.ready("parts=('head',), ready_file=Path('ready.txt')")
     assert (lab.folder / "ready.txt").read_text(encoding="utf-8").startswith("READY icubSim in ")
     assert program.end(signal.SIGTERM) == 0
@@ -256,7 +256,7 @@ def test_the_file_that_says_it_is_ready(lab: Lab):
 
 
 def test_a_file_that_cannot_be_written(lab: Lab):
-    """It is reported, and the robot ends."""
+    """The error is reported, and the program ends."""
     program = lab.start("parts=('head',), ready_file=Path('nowhere/ready.txt')")
     assert program.end() == 1
     assert "nowhere/ready.txt" in program.said
@@ -264,7 +264,7 @@ def test_a_file_that_cannot_be_written(lab: Lab):
 
 
 def test_cameras_where_no_picture_can_be_made(lab: Lab):
-    """What fixes it is reported; with ``auto`` the robot goes without."""
+    """The error names the packages to install; with ``auto`` the robot has no cameras."""
     program = lab.start("cameras='yes'", BLIND)
     assert program.end() == 1
     assert "install the Debian packages" in program.said
@@ -275,7 +275,7 @@ def test_cameras_where_no_picture_can_be_made(lab: Lab):
 
 
 def test_time_that_ends_with_an_error_ends_the_program(lab: Lab):
-    """A robot whose time never goes on is no robot."""
+    """An error in the loop is reported, and the exit code is that of a failure."""
     breaks = "import rtf.simulator.boards as boards\n"
     breaks += (
         "def step(self):\n    if self.tick > 50: raise ArithmeticError('the physics exploded')\n    self.tick += 1\n"
@@ -287,7 +287,7 @@ def test_time_that_ends_with_an_error_ends_the_program(lab: Lab):
 
 
 def test_another_dialect_and_another_clock(lab: Lab):
-    """It speaks what it is told, and its clock is called as it is told."""
+    """The options set the dialect and the name of the clock."""
     program = lab.ready("parts=('head',), dialect=Dialect.YARP4, clock='/sim/clock', factor=float('inf')")
     assert "/sim/clock" in lab.names
     assert "clock /sim/clock (factor inf)" in program.said

@@ -1,4 +1,4 @@
-"""What the boards' controllers follow: trajectories, and the blocks in which they are computed."""
+"""Trajectories of setpoints, and the blocks in which the boards compute them."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ def made() -> SetpointBlocks:
 
 
 def path(setpoints: SetpointBlocks, begin: int, steps: int, axis: int = 0) -> np.ndarray:
-    """Position, speed and acceleration at some steps, (3, steps)."""
+    """Position, speed and acceleration at some steps, shape (3, steps)."""
     axes = np.array([axis])
     return np.array([[number[0] for number in setpoints.at(tick, axes)] for tick in range(begin, begin + steps)]).T
 
 
 def same(value: float) -> np.ndarray:
-    """One number for all axes."""
+    """Return one value for all axes as an array."""
     return np.full(3, value)
 
 
@@ -93,7 +93,7 @@ class TestMoves:
         assert setpoints.done(AXES, 2507).tolist() == [True, True, True]
 
     def test_speed_zero_is_slow_but_ends(self, setpoints: SetpointBlocks):
-        """A speed of 0 asks for no division by it."""
+        """A move with speed 0 takes the longest time, without a division by zero."""
         setpoints.move(AXES, same(1.0), same(0.0), 0)
         assert np.isfinite(setpoints.at(5, AXES)[0]).all()
 
@@ -106,7 +106,7 @@ class TestMoves:
         assert setpoints.done(AXES, end).all()
 
     def test_a_move_from_motion_stays_within_the_limits(self, setpoints: SetpointBlocks):
-        """Anyone who is fast near a limit and told to end there slowly does not swing beyond it."""
+        """A fast axis near a limit that is commanded a slow move there does not overshoot."""
         setpoints.run(AXES, same(60.0), same(1e6), 0)
         setpoints.move(AXES, same(LIMIT), same(1.0), 1300)
         found = path(setpoints, 1300, 3000)
@@ -151,7 +151,7 @@ class TestSpeeds:
 
     @pytest.mark.parametrize("acceleration", [1.0, 10.0, 100.0])
     def test_slowing_down_does_not_lead_beyond_the_limit(self, setpoints: SetpointBlocks, acceleration: float):
-        """Who is told to stop gently near a limit stops at it."""
+        """A slow stop near a limit ends at the limit."""
         setpoints.run(AXES, same(100.0), same(1e9), 0)
         setpoints.run(AXES, same(0.0), same(acceleration), 780)
         for tick in (780, 800, 900, 2000, 200_000):
@@ -166,10 +166,10 @@ class TestSpeeds:
 
 
 class TestLimits:
-    """Between what setpoints are."""
+    """Limits of setpoints."""
 
     def test_one_that_begins_outside_may_come_back_and_no_further_out(self, setpoints: SetpointBlocks):
-        """A joint that was pushed beyond its limit is led back, not snatched."""
+        """A joint that was pushed beyond its limit returns with its commanded speed."""
         setpoints.hold(AXES, same(LIMIT + 3), 0)
         assert setpoints.at(10, AXES)[0] == pytest.approx(same(LIMIT + 3))
         setpoints.run(AXES, same(10.0), same(1e9), 10)
@@ -179,7 +179,7 @@ class TestLimits:
         assert setpoints.at(9999, AXES)[0] == pytest.approx(same(70.0))
 
     def test_limits_that_leave_an_axis_outside_stop_it(self, setpoints: SetpointBlocks):
-        """It stays where it is then, instead of jumping to the limit."""
+        """It stays where it is, and does not jump to the limit."""
         setpoints.run(AXES, same(20.0), same(1e9), 0)
         setpoints.set_limits(0, -10.0, 5.0, 1000)
         setpoints.set_limits(2, -90.0, 5.0, 1000)
@@ -197,7 +197,7 @@ _COMMANDS = st.one_of(
 
 
 def tell(setpoints: SetpointBlocks, axes: list[int], command: tuple[str, float, float], now: int) -> None:
-    """Give one command."""
+    """Give one command to the trajectories."""
     what, first, second = command
     chosen = np.array(axes)
     one, other = np.full(len(axes), first), np.full(len(axes), second)

@@ -1,4 +1,4 @@
-"""The sensors of the simulated robot: each measures once a step, and tells everybody the same."""
+"""Sensors of the simulated robot: each measures once a step, and all readers get the same values."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ def sensors_of(rig: Rig) -> list[SimulatedForceTorque]:
 
 
 def numbers(measured: Measurements) -> list[list[tuple[bytes, float]]]:
-    """The same to the last bit."""
+    """The values as bytes, to be compared to the last bit."""
     return [[(reading.values.tobytes(), reading.time) for reading in category] for category in measured]
 
 
 def test_all_at_once_and_one_by_one_are_the_same(rig: Rig):
-    """In one step; in the next everything has changed."""
+    """The values of the common port are those of the single ports within a step; in the next step all differ."""
     from rtf.simulator.simulated_sensors import SimulatedForceTorques, SimulatedImu
 
     devices = (
@@ -67,7 +67,7 @@ def test_all_at_once_and_one_by_one_are_the_same(rig: Rig):
 
 
 def test_one_that_is_not_well_is_named(rig: Rig):
-    """All at once, there is nothing to be told while one of them is not well."""
+    """The common port raises the error of the one sensor that fails."""
     from rtf.simulator.simulated_sensors import SimulatedForceTorques, SimulatedImu
 
     sensors, imu = sensors_of(rig), SimulatedImu(rig.simulation.plant.imus[0], rig.simulation)
@@ -80,7 +80,7 @@ def test_one_that_is_not_well_is_named(rig: Rig):
 
 
 def test_what_was_made_zero_is_taken_off_at_once(rig: Rig):
-    """Within the step, and for as long as the noise is as it should be; of one channel, and of all."""
+    """An offset counts within the same step, for one channel and for all; the noise is as before."""
     sensor = sensors_of(rig)[0]
     before = sensor.read().values
     sensor.calibrate(0, 5.0)
@@ -148,7 +148,7 @@ def test_the_sensors_of_the_fingers_follow_the_joints_of_the_model(rig: Rig):
 
 
 def test_a_finger_that_is_held_shows_where(rig: Rig):
-    """It is the joint that is measured, not the command."""
+    """The sensor measures the joint, and not its command."""
     fingers, arm = fingers_of("left", rig), rig.part("left_arm")
     joint = arm.axis_names().index("l_index_proximal")
     rig.push("l_index_proximal", -5.0)  # more than its motor has

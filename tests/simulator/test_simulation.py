@@ -1,4 +1,4 @@
-"""The simulation's loop: what happens when, who gets through the lock, how fast time passes, and beginning anew."""
+"""The loop of the simulation: events, the lock for commands, the pace, and resets."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def simulation() -> Simulation:
 
 
 class Diary:
-    """Is published every ``period`` seconds, and notes when."""
+    """A publisher that notes the times at which it is called."""
 
     def __init__(self, period: float) -> None:
         self.period = period
@@ -44,10 +44,10 @@ class Diary:
 
 
 class TestHappenings:
-    """What stands in the queue."""
+    """The queue of events."""
 
     def test_each_at_its_step_in_the_order_of_asking(self, simulation: Simulation):
-        """By time, and at the same time first come, first served."""
+        """By time; at the same time in the order of the requests."""
         seen: list[tuple[str, int]] = []
 
         def note(name: str):
@@ -72,7 +72,7 @@ class TestHappenings:
         assert seen == [("now", 10), ("next", 11), ("later", 14)]
 
     def test_what_is_late_happens_at_once(self, simulation: Simulation):
-        """A moment that has passed is no moment to wait for."""
+        """An event whose time has passed happens in the next step."""
         simulation.advance(0.01)
         seen: list[int] = []
         simulation.at(3, lambda: seen.append(simulation.boards.tick))
@@ -81,7 +81,7 @@ class TestHappenings:
 
     @pytest.mark.parametrize("stride", [0.001, 0.0033, 0.01, 0.5])
     def test_what_is_regular_comes_at_multiples_of_its_period(self, simulation: Simulation, stride: float):
-        """Each rounded to a step, whatever the strides in which time passes, and none is left out."""
+        """Each is rounded to a step, whatever the steps of ``advance``, and none is left out."""
         simulation.advance(0.004)
         diaries = [Diary(0.01), Diary(0.003), Diary(1 / 30)]
         for diary in diaries:
@@ -100,7 +100,7 @@ class TestHappenings:
         assert simulation.boards.tick == 301
 
     def test_measurements_are_those_of_the_moment(self, simulation: Simulation):
-        """What is published at a step is what anyone who asks after it sees."""
+        """Values published at a step are those that are read after that step."""
         rig_axis = INDEX["l_elbow"]
         simulation.boards.move(np.array([rig_axis]), np.array([90.0]))
         seen: list[float] = []
@@ -110,7 +110,7 @@ class TestHappenings:
         assert np.degrees(simulation.data.actuator_length[rig_axis]) == pytest.approx(seen[0], abs=0.01)
 
     def test_after_an_error_the_gate_is_free(self, simulation: Simulation):
-        """Anyone who wants to look at the wreck can."""
+        """The lock is released after an error in the loop."""
 
         def explode() -> None:
             raise ArithmeticError("boom")
@@ -122,7 +122,7 @@ class TestHappenings:
             assert simulation.boards.tick == 5
 
     def test_settled_at_the_end_with_the_gate_open(self, simulation: Simulation):
-        """What is published is waited for once an advance, and commands get in meanwhile."""
+        """Delivery is awaited once an advance, while commands may take the lock."""
         free: list[bool] = []
 
         def settle() -> None:
@@ -139,7 +139,7 @@ class TestGate:
     """Commands from any thread while the loop runs."""
 
     def test_who_finds_it_free_waits_for_nobody(self):
-        """Nobody has to be served, also by who has it already and takes it once more."""
+        """A free lock is taken at once, and again by its owner."""
         lock = FairLock()
         with lock, lock:
             assert lock.waiting == 0
@@ -148,7 +148,7 @@ class TestGate:
         lock.release()
 
     def test_who_waits_has_it_before_the_loop_goes_on(self):
-        """All who wait at the moment when it is passed on, each alone; meanwhile they are counted."""
+        """All waiting threads get the lock, one after the other, when the loop yields it."""
         lock, done = FairLock(), list[int]()
 
         def command(number: int) -> None:
@@ -169,7 +169,7 @@ class TestGate:
             other.join(5.0)
 
     def test_commands_are_served_while_the_loop_runs_at_full_speed(self, simulation: Simulation):
-        """Several at once, each within a few steps, and none is left waiting."""
+        """Several threads get the lock within a few steps each."""
         ended = threading.Event()
         loop = threading.Thread(target=self.run, args=(simulation, ended))
         loop.start()
@@ -199,7 +199,7 @@ class TestGate:
             simulation.advance(simulation.now + 0.1)
 
     def test_commands_without_end_do_not_stop_the_time(self, simulation: Simulation):
-        """However many come, steps go on between them."""
+        """Steps go on between any number of commands."""
         ended = threading.Event()
 
         def command() -> None:
@@ -222,7 +222,7 @@ class TestGate:
             runner.join(10.0)
 
     def test_who_gets_through_finds_the_sensors_of_the_step(self):
-        """Though the loop leaves them out where nobody looks."""
+        """The sensors are computed before the lock is yielded, though not in other steps."""
 
         def forces(simulation: Simulation) -> list[float]:
             return np.concatenate([sensor.read(simulation.data.sensordata) for sensor in sensors]).tolist()
@@ -288,13 +288,13 @@ class TestPace:
 
     @pytest.fixture
     def machine(self, monkeypatch: pytest.MonkeyPatch) -> Machine:
-        """What the loop takes for the machine's clock."""
+        """The machine's clock, as the loop sees it."""
         machine = Machine()
         monkeypatch.setattr("rtf.simulator.simulation.clock", machine)
         return machine
 
     def timed(self, simulation: Simulation, machine: Machine, seconds: float) -> float:
-        """Let time pass; returns how much faster than the machine's it did."""
+        """Simulate; return the ratio of simulated time to that of the machine."""
         begin, start = machine.time, simulation.now
         while simulation.now < start + seconds:
             simulation.advance(simulation.now + 0.01)
@@ -310,14 +310,14 @@ class TestPace:
         assert self.timed(simulation, machine, 1.0) == pytest.approx(factor, rel=0.02)
 
     def test_another_factor_holds_from_then_on(self, machine: Machine):
-        """Nothing of the time before is caught up with, in either direction."""
+        """Time before the change is not made up for, in either direction."""
         simulation = Simulation(build_icub(), factor=10.0)
         for factor in (10.0, 1.0, 10.0):
             simulation.factor = factor
             assert self.timed(simulation, machine, 1.0) == pytest.approx(factor, rel=0.02)
 
     def test_a_standstill_is_not_made_up_for(self, machine: Machine):
-        """After somebody held the time it goes on at its pace; a hitch of some milliseconds is made up for."""
+        """After the lock was held for long the loop keeps its pace; delays of some milliseconds are made up for."""
         simulation = Simulation(build_icub(), factor=4.0)
         self.timed(simulation, machine, 0.2)
         machine.time += 3.0
@@ -328,7 +328,7 @@ class TestPace:
         assert (simulation.now - start) / (machine.time - begin) == pytest.approx(4.0, rel=0.02)
 
     def test_it_is_never_faster_on_a_real_machine(self):
-        """Whatever else that has to do."""
+        """However busy the machine is."""
         simulation = Simulation(build_icub(), factor=5.0)
         simulation.advance(0.01)
         begin, start = clock.monotonic(), simulation.now
@@ -336,7 +336,7 @@ class TestPace:
         assert (simulation.now - start) / (clock.monotonic() - begin) < 5.0 * 1.06
 
     def test_commands_get_in_while_it_waits(self):
-        """At a pace the loop mostly sleeps, and does not keep the lock meanwhile."""
+        """The loop does not hold the lock while it sleeps."""
         simulation = Simulation(build_icub(), factor=0.01)  # it would take twenty seconds
         runner = threading.Thread(target=simulation.advance, args=(0.2,))
         runner.start()
@@ -349,10 +349,10 @@ class TestPace:
 
 
 class TestReset:
-    """Beginning anew."""
+    """Resets of the simulation."""
 
     def spoilt(self, rig: Rig) -> None:
-        """Do to a robot whatever can be done to it."""
+        """Change settings, modes and faults of a robot."""
         boards, part = rig.boards, rig.part("left_arm")
         part.position_move(60.0, 3)
         part.set_control_modes(ControlMode.VELOCITY, 5)
@@ -375,7 +375,7 @@ class TestReset:
         rig.run(0.98)
 
     def test_the_robot_is_as_when_it_was_new(self):
-        """To the last bit, with all settings, though time goes on; and it goes on as a new one does."""
+        """All settings and the motion afterwards are those of a new robot, to the last bit."""
         rig, fresh = Rig(), Rig()
         self.spoilt(rig)
         cleaned: list[bool] = []
@@ -399,7 +399,7 @@ class TestReset:
         assert rig.simulation.noise(9).tolist() == fresh.simulation.noise(9).tolist()
 
     def test_the_physics_hold_still_at_home(self):
-        """After a reset nothing jumps."""
+        """No joint moves after a reset."""
         rig = Rig()
         self.spoilt(rig)
         rig.simulation.reset()
@@ -410,14 +410,14 @@ class TestNoise:
     """Random numbers of the simulation."""
 
     def test_they_are_normal_and_never_the_same_twice(self, simulation: Simulation):
-        """However many are taken at once; more than are drawn at once, too."""
+        """For any number of values, also above the number that is drawn at once."""
         taken = np.concatenate([simulation.noise(count).copy() for count in (1, 6, 4000, 97, 10_000, 3)])
         assert len(np.unique(taken)) == len(taken)
         assert np.mean(taken) == pytest.approx(0.0, abs=0.05)
         assert np.std(taken) == pytest.approx(1.0, abs=0.05)
 
     def test_the_seed_decides(self):
-        """The same seed, the same numbers; another one, others."""
+        """Equal seeds give equal numbers, other seeds other numbers."""
         robot = build_icub()
         one, same, other = (Simulation(robot, seed=seed).noise(5).tolist() for seed in (3, 3, 4))
         assert one == same

@@ -56,7 +56,7 @@ def patch(settings: SkinPatch, simulation, name: str = "fore"):
 
 
 def bench(seed: int = 0):
-    """A bench that nothing touches."""
+    """A bench without contacts."""
     from rtf.simulator.plant import build
     from rtf.simulator.simulation import Simulation
 
@@ -157,7 +157,7 @@ def test_readings_are_counts():
 
 
 def test_what_the_model_does_not_have_is_named():
-    """A link, a shape; and a robot that does not collide has skin that feels nothing."""
+    """A missing link or shape is an error; skin of a robot without collisions feels nothing."""
     from rtf.simulator.plant import Options, build
     from rtf.simulator.simulation import Simulation
 

@@ -27,7 +27,7 @@ def simulated(unit: int):
 
 
 def test_unit_0_is_the_nominal_robot():
-    """Nothing differs, so factors are ones and offsets zeros."""
+    """All its factors are 1, and all its offsets 0."""
     from rtf.simulator.units import SPREADS, Unit
 
     for name in SPREADS:

@@ -1,4 +1,4 @@
-"""The axes of a board as a configuration describes them, for drivers that know no better."""
+"""The axes of a board as a configuration describes them, for drivers whose hardware does not report them."""
 
 from __future__ import annotations
 
