@@ -1,32 +1,41 @@
-"""Sweep of each joint over its range, slowly and fast: errors of its encoders, and its friction in every place."""
+"""Sweep of each joint over its range, slowly and fast: its encoders, its friction in every place, its motor."""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from rtf.robot.errors import NotSupportedError, RefusedError
+from rtf.robot.extended_state import Field
 from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.joints_test import JointsTest
 from rtf.robot_testing.judging.encoder_errors import Spikes, errors_of, spikes_of
 from rtf.robot_testing.judging.friction_profile import friction_profile
+from rtf.robot_testing.judging.motor_model import motor_model
 from rtf.robot_testing.motion.joint_swings import JointSwinger, Outcome, ends_of
 from rtf.robot_testing.motion.part import PACE
 from rtf.robot_testing.motion.routines import run_queues
+from rtf.robot_testing.robot_name import robot_model
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
+    from rtf.robot.model.drives import Drive
     from rtf.robot_testing import Trace
     from rtf.robot_testing.guard.transmission import Transmission
     from rtf.robot_testing.judging.encoder_errors import Mask
     from rtf.robot_testing.judging.friction_profile import FrictionProfile
+    from rtf.robot_testing.judging.motor_model import MotorModel
     from rtf.robot_testing.motion.routines import Routine
 
 #: The least range of a sweep that is judged, deg.
 _LEAST = 5.0
 #: The fewest states of a sweep that are judged.
 _FEWEST = 50
+#: The least current of a motor whose winding is not known, in per cent: it has the sign of its duty cycle.
+_SIGN = 1.0
 
 
 class _Sweep(NamedTuple):
@@ -37,7 +46,7 @@ class _Sweep(NamedTuple):
 
 
 class JointSweep(JointsTest):
-    """Moves each joint over its range, slowly and fast; compares its encoders, and its friction in all places.
+    """Moves each joint over its range, slowly and fast; compares its encoders, its friction in all places, its current.
 
     Every place is passed in both directions, at two speeds. What the motors' encoders show of a joint, through the
     inverse of gearboxes and couplings, is compared with its own encoder in every state: spikes, delays, and an error
@@ -46,6 +55,10 @@ class JointSweep(JointsTest):
 
     The duty cycle is compared with that of a pendulum with friction: more in one place in both directions is a sticky
     place, more in a single move a joint that was blocked for a moment.
+
+    The current of the joint's motor is compared with that of a winding at the same duty cycle and speed: its sensor may
+    show nothing, the wrong sign, scale or zero, the amplifier may be weak in one direction, the magnets may be. Without
+    resistance and torque constant in robot.toml, a real motor has to have a current of the right sign only.
     """
 
     aliases = ("jointSweep", "joint-sweep")
@@ -64,6 +77,16 @@ class JointSweep(JointsTest):
 
     # Half of what MotorStiction allows over the whole range.
     friction = Parameter(float, "greatest additional duty cycle in one place", unit="%", default=5.0, low=0.01)
+    # Windings have tolerances of 10 %, and 24 % more resistance when they are 60 degrees warmer.
+    current = Parameter(
+        float, "greatest deviation of the current, and of the torque constant, from those of the motor in robot.toml",
+        unit="%", default=30.0, low=0.1,
+    )  # fmt: skip
+    zero = Parameter(float, "greatest offset of the current, of the peak current", unit="%", default=3.0, low=0.01)
+    uneven = Parameter(
+        float, "greatest difference of the currents of both directions at equal duty cycles", unit="%", default=20.0,
+        low=0.1,
+    )  # fmt: skip
 
     def setup(self) -> None:
         """Read the transmission of the part, choose the ends of the sweeps, and hold the joints."""
@@ -74,8 +97,24 @@ class JointSweep(JointsTest):
         self.slow_speeds = self.by_joint("speed", self.speed)
         self.fast_speeds = self.by_joint("fast", self.fast)
         self.ends = {joint: ends_of(part, joint, np.inf) for joint in self.chosen}
+        self.motors = self._known_motors()
         self.swinger = JointSwinger(part, self.transmission, tolerance=self.tolerance)
         self.swinger.begin(self.hold)
+
+    def _known_motors(self) -> dict[int, _Motor]:
+        """Return the motors of the chosen joints that the model of the robot has."""
+        part, model = self.robot_part, robot_model(self)
+        found = {}
+        for joint in self.chosen:
+            if part.names[joint] in model.index:
+                axis = model.axis(part.names[joint])
+                try:
+                    supply = part.board.supply_voltage(joint)
+                except (NotSupportedError, RefusedError):
+                    supply = 0.0
+                known = self.simulated or not axis.drive.assumed
+                found[joint] = _Motor(axis.drive, supply or axis.drive.supply, axis.peak_current, known=known)
+        return found
 
     def run(self) -> None:
         """Sweep all queues in parallel, then judge joint by joint."""
@@ -122,12 +161,15 @@ class JointSweep(JointsTest):
         of_joint, of_motor, near = spikes_of(joints, motors, self.spike)
         for whose, spikes in (("joint", of_joint), ("motor", of_motor)):
             self._judge_spikes(name, whose, spikes)
-        self._judge_encoders(name, own.time, joints, motors, near)
+        agree = self._judge_encoders(name, own.time, joints, motors, near)
         duties = self.transmission.joint_duties(own.duties, joint)
         if np.isfinite(duties).all():
             self._judge_friction(name, friction_profile(own.local[~near], joints[~near], duties[~near], sweep.moves))
+        if agree and not near.any() and joint in self.motors and np.isfinite(own.currents[:, joint]).all():
+            self._judge_motor(name, joint, own)
 
-    def _judge_encoders(self, name: str, time: FloatArray, joints: FloatArray, motors: FloatArray, near: Mask) -> None:
+    def _judge_encoders(self, name: str, time: FloatArray, joints: FloatArray, motors: FloatArray, near: Mask) -> bool:
+        """Judge what the encoders disagree about over the range; return whether they agree."""
         found = errors_of(time, joints, motors, near)
         late, first, second = 1e3 * found.delay, *(("joint", "motor") if found.delay > 0 else ("motor", "joint"))
         hint = (
@@ -149,6 +191,7 @@ class JointSweep(JointsTest):
             joint=(joints[kept], "deg"),
             disagreement=(found.left, "deg"),
         )
+        return found.error <= self.error
 
     def _judge_friction(self, name: str, found: FrictionProfile | None) -> None:
         if found is None:
@@ -174,6 +217,43 @@ class JointSweep(JointsTest):
             model=(found.model, "%"),
         )
 
+    def _judge_motor(self, name: str, joint: int, own: _States) -> None:
+        """Compare the current of the joint's own motor with its duty cycle and its speed."""
+        motor, duties, currents = self.motors[joint], own.duties[:, joint], own.currents[:, joint]
+        found = motor_model(duties, currents, own.speeds[:, joint], motor.drive, motor.supply)
+        if math.isnan(found.gain):
+            return
+        near = self.current if motor.known else math.inf
+        least, most = max(100.0 - near, _SIGN), 100.0 + near
+        self.measure(
+            "current for its duty cycle", 100.0 * found.gain, "%", low=least, high=most if motor.known else None,
+            hint=f"{name}: {_wrong_current(found)}",
+        )  # fmt: skip
+        zero = self.zero / 100.0 * motor.peak
+        hint = f"{name}: the current is {found.offset:.2g} A where none flows; {likely_causes('current zero')}"
+        self.measure("offset of the current", found.offset, "A", low=-zero, high=zero, hint=hint)
+        if not math.isnan(found.uneven):
+            way = "positive" if found.uneven < 0.0 else "negative"
+            less = 100.0 * abs(found.uneven)
+            hint = f"{name}: a {way} duty cycle drives {less:.0f} % less current; {likely_causes('uneven amplifier')}"
+            self.measure(
+                "difference of the directions", 100.0 * found.uneven, "%", low=-self.uneven, high=self.uneven, hint=hint
+            )
+        if not math.isnan(found.constant):
+            share = 100.0 * found.constant
+            hint = (
+                f"{name}: the torque constant is {share:.0f} % of that in robot.toml; {likely_causes('weak magnets')}"
+            )
+            bounds = {"low": least, "high": most} if motor.known else {}
+            self.measure("torque constant", share, "%", hint=hint, **bounds)
+        self.record(
+            "current",
+            time=(own.time - own.time[0], "s"),
+            duty=(duties, "%"),
+            current=(currents, "A"),
+            speed=(own.speeds[:, joint], "deg/s"),
+        )
+
     def _judge_spikes(self, name: str, whose: str, spikes: Spikes) -> None:
         hint = (
             f"{name}: {spikes.number} readings of the {whose} encoder jump, by up to {self.shown(spikes.largest)}; "
@@ -182,19 +262,41 @@ class JointSweep(JointsTest):
         self.measure(f"spikes of the {whose} encoder", spikes.number, "count", high=0, hint=hint)
 
 
+class _Motor(NamedTuple):
+    """A motor: its drive, its supply now (V), its peak current (A), and whether the drive's winding is known."""
+
+    drive: Drive
+    supply: float
+    peak: float
+    known: bool
+
+
+def _wrong_current(found: MotorModel) -> str:
+    if found.gain < 0.0:
+        return f"the current has the sign opposite to the duty cycle; {likely_causes('current sign')}"
+    return f"the current is {100.0 * found.gain:.0f} % of what the duty cycle drives; {likely_causes('current sensor')}"
+
+
 class _States(NamedTuple):
-    """Recorded states: times (s), positions of joints by their own and by motor encoders (deg), duty cycles (%)."""
+    """Recorded states: times (s), positions of joints by their own and by motor encoders (deg).
+
+    Of motors: duty cycles (%), currents (A), NaN if the board does not measure them, and speeds of rotors (deg/s).
+    """
 
     time: FloatArray
     local: FloatArray
     joints: FloatArray
     motors: FloatArray
     duties: FloatArray
+    currents: FloatArray
+    speeds: FloatArray
 
     @classmethod
     def of(cls, trace: Trace, transmission: Transmission) -> _States:
         motors = transmission.joints(trace.motor_positions)
-        return cls(trace.time, trace.local_time, trace.positions, motors, trace.duty_cycles)
+        currents = trace.currents if trace.newest[1].valid[Field.CURRENTS] else np.full_like(motors, np.nan)
+        speeds = trace.motor_velocities
+        return cls(trace.time, trace.local_time, trace.positions, motors, trace.duty_cycles, currents, speeds)
 
     def between(self, begin: float, end: float) -> _States:
         """Return the states of a time by the test's clock."""

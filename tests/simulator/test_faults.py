@@ -317,6 +317,54 @@ def burns(bench: Bench) -> None:
     assert "over-current" in message
 
 
+def flowing(bench: Bench) -> tuple[float, float]:
+    """The current that the elbow's motor shows, and the one that flows (A), each over a tenth of a second."""
+    shown, true = [], []
+    for _ in range(100):
+        bench.run(0.001)
+        shown.append(bench.arm.currents(3).item())
+        true.append(float(bench.boards.motors.current[ELBOW]))
+    assert abs(np.mean(true)) > 0.2
+    return float(np.mean(shown)), float(np.mean(true))
+
+
+def shows_no_current(bench: Bench) -> None:
+    """Although the motor holds the arm."""
+    assert flowing(bench)[0] == 0.0
+
+
+def shows_half_the_current(bench: Bench) -> None:
+    """The other half flows, too."""
+    shown, true = flowing(bench)
+    assert shown == pytest.approx(0.5 * true, abs=0.02)
+
+
+def shows_the_opposite_current(bench: Bench) -> None:
+    """As large as what flows."""
+    shown, true = flowing(bench)
+    assert shown == pytest.approx(-true, abs=0.02)
+
+
+def shows_more_current(bench: Bench) -> None:
+    """By half an ampere."""
+    shown, true = flowing(bench)
+    assert shown == pytest.approx(true + 0.5, abs=0.02)
+
+
+def drives_weakly(bench: Bench) -> None:
+    """For the same current it needs twice the duty cycle upwards; downwards it does not."""
+    drive = ICUB.axis(JOINT).drive
+    healthy = flowing(bench)[1] * drive.resistance / drive.supply * 100.0
+    assert bench.arm.duty_cycles(3).item() == pytest.approx(2.0 * healthy, rel=0.05)
+    bench.boards.request_mode(ELBOW, ControlMode.PWM)
+    for duty, share in ((10.0, 0.5), (-10.0, 1.0)):
+        bench.boards.drive(HERE, np.array([duty]))
+        bench.run(0.001)
+        induced = bench.boards.motors._to_voltages[ELBOW] @ bench.boards.motors._turning
+        volts = bench.boards.motors.current[ELBOW] * drive.resistance + induced
+        assert volts == pytest.approx(share * duty / 100.0 * drive.supply, rel=1e-6)
+
+
 def drifts(bench: Bench) -> None:
     """The encoder is off by as much as has had time to grow, and the joint has followed."""
     before = bench.true
@@ -867,6 +915,11 @@ SHOWS: dict[str, Callable[[Bench], None]] = {
     "motor_weak": is_weak,
     "motor_sign": runs_away,
     "motor_overcurrent": burns,
+    "current_sensor_dead": shows_no_current,
+    "current_sensor_gain": shows_half_the_current,
+    "current_sensor_sign": shows_the_opposite_current,
+    "current_sensor_offset": shows_more_current,
+    "amplifier_weak": drives_weakly,
     "encoder_drift": drifts,
     "encoder_bias": is_biased,
     "encoder_scale": is_scaled,

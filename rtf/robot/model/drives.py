@@ -31,6 +31,7 @@ class Drive:
     torque_constant: float  # Nm/A of the rotor, and V s/rad
     current_noise: float  # A, standard deviation of its current sensor
     current_step: float  # A, of the numbers of its current sensor
+    assumed: bool  # whether its resistance or its torque constant follows from the joint
     turns: float  # of the rotor a turn of the joint (rad/m of a prismatic one); negative if mounted the other way round
 
     @property
@@ -56,5 +57,6 @@ def drive_of(motor: Motor, *, torque: float, speed: float, gearbox: float, prism
         torque_constant=constant,
         current_noise=motor.current_noise * motor.peak_current,
         current_step=motor.current_step,
+        assumed=motor.resistance is None or motor.torque_constant is None,
         turns=turns,
     )

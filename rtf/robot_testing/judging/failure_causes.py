@@ -28,6 +28,15 @@ _CAUSES: dict[str, tuple[str, ...]] = {
     "blocked at times": ("something loose in the gearbox", "a cable that hooks", "an obstacle that gave way"),
     "swapped encoders": ("exchanged connectors", "swapped addresses or channels of the encoders in the configuration"),
     "swapped motors": ("exchanged connectors of the motors", "swapped channels of the amplifiers in the configuration"),
+    "current sensor": (
+        "a broken line, or a wrong scale, of the current sensor",
+        "a broken winding or a loose connector of the motor",
+        "another resistance than that in robot.toml",
+    ),
+    "current sign": ("exchanged lines of the current sensor", "the sign of the current in the configuration"),
+    "current zero": ("a current sensor that was not calibrated", "a current sensor that drifts"),
+    "uneven amplifier": ("a bad transistor of the amplifier, or its driver", "a current sensor that is not linear"),
+    "weak magnets": ("magnets that have been too hot", "another torque constant than that in robot.toml"),
     "short of limit": (
         "a limit in the configuration beyond the hardware's",
         "an obstacle",

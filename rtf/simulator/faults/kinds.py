@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from rtf.robot.errors import RefusedError
 from rtf.simulator.faults import (
+    amplifiers,
     boards,
     depth,
     encoder_errors,
@@ -29,6 +30,7 @@ KINDS: Mapping[str, type[Fault]] = {
     kind.kind: kind
     for layer in (
         mechanics,
+        amplifiers,
         sticky,
         encoders,
         encoder_errors,

@@ -29,6 +29,7 @@ def test_what_is_not_said_follows_from_the_joint(torque: float, speed: float, ge
     assert drive.output_constant * PEAK == pytest.approx(-torque)
     assert drive.supply / drive.resistance == pytest.approx(PEAK)
     assert drive.supply / abs(drive.output_constant) == pytest.approx(2.0 * fastest)
+    assert drive.assumed
 
 
 def test_what_a_data_sheet_says_counts():
@@ -37,6 +38,7 @@ def test_what_a_data_sheet_says_counts():
     drive = drive_of(given, torque=10.0, speed=90.0, gearbox=100.0, prismatic=False)
     assert (drive.kind, drive.supply, drive.resistance, drive.current_noise) == ("voltage", 24.0, 1.5, 0.04)
     assert drive.output_constant == pytest.approx(5.0)
+    assert not drive.assumed
 
 
 def test_a_slide_turns_its_motor_by_metres():

@@ -1,0 +1,99 @@
+"""The model of a motor, fitted to its duty cycle, current and speed: its current sensor, its amplifier, its winding.
+
+A winding of resistance *R* and torque constant *k* has, at the duty cycle *u* of a supply *V* and the speed *w*, the
+current ``(u V - k w) / R``. What a sensor shows of it is fitted as::
+
+    current = offset + upwards max(u, 0) + downwards min(u, 0) + induced w
+
+without the states that do not belong. An even amplifier has the same factor for both signs of the duty cycle. It shows
+the scale of the sensor, if the winding is known; the ratio of the last two factors does not depend on that scale, and
+shows the torque constant: what a motor induces at a speed it gives of torque for a current.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from rtf.robot.interfaces import FloatArray
+    from rtf.robot.model.drives import Drive
+
+#: A sign of the duty cycle is judged from this many states on, in which it is at least so large (per cent).
+_FEWEST, _DRIVEN = 30, 0.5
+#: States farther from the model than this number of standard deviations do not belong; rounds of leaving them out.
+_OUTLYING, _ROUNDS = 4.0, 4
+_NORMAL = 1.4826  # the standard deviation of normal noise, in median absolute deviations
+#: What has a greater standard error, as a share of what is expected, was not shown by the motion.
+_CERTAIN = 0.05
+#: What makes the error of a coefficient great that has no effect: a share of the squares, and a noise (A).
+_SINGULAR, _LEAST_NOISE = 1e-12, 1e-6
+_PER_CENT = 100.0
+
+
+class MotorModel(NamedTuple):
+    """A motor as its sensors show it, by shares of what its drive says; NaN where the motion does not show it.
+
+    ``upwards`` and ``downwards`` are the currents for positive and negative duty cycles, ``constant`` is the torque
+    constant; ``offset`` is in A.
+    """
+
+    upwards: float
+    downwards: float
+    constant: float
+    offset: float
+
+    @property
+    def gain(self) -> float:
+        """The scale of the current sensor: the share of the direction in which the amplifier is the stronger one."""
+        known = [share for share in (self.upwards, self.downwards) if not math.isnan(share)]
+        return max(known, key=abs, default=math.nan)
+
+    @property
+    def uneven(self) -> float:
+        """What the weaker direction lacks of the stronger one, negative if it is the positive one; NaN if unknown."""
+        if self.gain == 0.0:
+            return math.nan
+        return (self.upwards - self.downwards) / self.gain
+
+
+def motor_model(
+    duties: FloatArray, currents: FloatArray, speeds: FloatArray, drive: Drive, supply: float
+) -> MotorModel:
+    """Return the model of a motor from its states: duty cycles (per cent), currents (A) and rotor speeds (deg/s).
+
+    ``supply`` is the voltage now (V); resistance and torque constant are those that its ``drive`` says.
+    """
+    ways = [duties >= _DRIVEN, duties <= -_DRIVEN]
+    driven = [way.sum() >= _FEWEST for way in ways]
+    if not any(driven):
+        return MotorModel(math.nan, math.nan, math.nan, math.nan)
+    of_duty = [np.maximum(duties, 0.0), np.minimum(duties, 0.0)] if all(driven) else [duties]
+    columns = np.column_stack([*of_duty, speeds, np.ones(len(duties))])
+    values, errors = _fit(columns, currents)
+    ampere = supply / (_PER_CENT * drive.resistance)  # a per cent of duty cycle, at rest
+    induced = math.radians(1.0) * drive.torque_constant / drive.resistance  # A less, a deg/s
+    known = errors / np.array([ampere] * len(of_duty) + [induced, 1.0]) <= _CERTAIN
+    shares = [float(value / ampere) if sure else math.nan for value, sure in zip(values, known[:-2], strict=False)]
+    upwards, downwards = shares if all(driven) else [shares[0] if way else math.nan for way in driven]
+    found = MotorModel(upwards, downwards, math.nan, float(values[-1]))
+    constant = -float(values[-2]) / induced / found.gain if known[-2] and found.gain else math.nan
+    return found._replace(constant=constant)
+
+
+def _fit(columns: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the coefficients of the model without the states that do not belong, and their standard errors."""
+    sizes = np.maximum(np.abs(columns).max(axis=0), 1e-9)
+    scaled = columns / sizes
+    inside = np.ones(len(values), dtype=bool)
+    found, noise = np.zeros(columns.shape[1]), math.inf
+    for _ in range(_ROUNDS):
+        found = np.linalg.lstsq(scaled[inside], values[inside], rcond=None)[0].astype(np.float64)
+        away = np.abs(values - scaled @ found)
+        noise = _NORMAL * float(np.median(away))
+        inside = away <= max(_OUTLYING * noise, 1e-9)
+    squares = scaled[inside].T @ scaled[inside] + _SINGULAR * len(values) * np.eye(len(found))
+    errors: FloatArray = max(noise, _LEAST_NOISE) * np.sqrt(np.diag(np.linalg.inv(squares)))
+    return found / sizes, errors / sizes

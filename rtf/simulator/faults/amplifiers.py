@@ -1,0 +1,112 @@
+"""Faults of amplifiers: of their current sensors, and of one of their directions.
+
+The loop of an amplifier that controls its current has a sensor of its own, so what it shows can be wrong while the
+current is right.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import TYPE_CHECKING
+
+from rtf.simulator.faults.base import AxisFault, Layer, Parameter
+from rtf.simulator.faults.mechanics import MotorFault
+
+if TYPE_CHECKING:
+    from rtf.robot.interfaces import FloatArray
+    from rtf.simulator.motors import Windings
+
+
+class _CurrentSensorFault(AxisFault):
+    """A fault of the current sensor of a motor."""
+
+    layer = Layer.MOTOR
+
+    def begin(self) -> None:
+        self.boards.current_faults.append(self._show)
+
+    def end(self) -> None:
+        self.boards.current_faults.remove(self._show)
+
+    def _show(self, currents: FloatArray, now: float) -> None:
+        del now
+        currents[self.axis] = self.shown(float(currents[self.axis]))
+
+    @abstractmethod
+    def shown(self, current: float) -> float:
+        """Return what the sensor shows in place of a current (A)."""
+
+
+class CurrentSensorDead(_CurrentSensorFault):
+    """Current sensor that shows no current."""
+
+    kind = "current_sensor_dead"
+    description = "The current sensor of the motor shows 0 A: a broken line, or a dead converter."
+    symptom = "The current stays at 0 A, whatever the motor does; an overload is not noticed."
+
+    def shown(self, current: float) -> float:
+        del current
+        return 0.0
+
+
+class CurrentSensorGain(_CurrentSensorFault):
+    """Wrong scale of a current sensor."""
+
+    kind = "current_sensor_gain"
+    description = "The current sensor of the motor has a wrong scale: another shunt, or a wrong full scale."
+    symptom = "The currents are too small, or too large, in proportion; so are the limits that they are compared with."
+    parameters = (Parameter("factor", 0.5, "", "by which the current is multiplied", 0.0, 10.0, healthy=1.0),)
+    factor: float
+
+    def shown(self, current: float) -> float:
+        return self.factor * current
+
+
+class CurrentSensorSign(_CurrentSensorFault):
+    """Wrong sign of a current sensor."""
+
+    kind = "current_sensor_sign"
+    description = "The current sensor of the motor has the wrong sign: its lines are exchanged."
+    symptom = "The current has the sign opposite to the duty cycle that drives it."
+
+    def shown(self, current: float) -> float:
+        return -current
+
+
+class CurrentSensorOffset(_CurrentSensorFault):
+    """Wrong zero of a current sensor."""
+
+    kind = "current_sensor_offset"
+    description = "The current sensor of the motor has a wrong zero: it was not calibrated, or it drifts."
+    symptom = "It shows a current without any duty cycle, and too much in one direction."
+    parameters = (Parameter("offset", 0.5, "A", "added to the current", -1e3, 1e3),)
+    offset: float
+
+    def shown(self, current: float) -> float:
+        return current + self.offset
+
+
+class AmplifierWeak(MotorFault):
+    """Amplifier that is weak in one direction."""
+
+    kind = "amplifier_weak"
+    description = (
+        "In one direction the amplifier gives only a part of its voltage: a transistor, or its driver, is bad."
+    )
+    symptom = (
+        "In that direction the motor has less current than its duty cycle drives, and is weak where it needs more. One "
+        "that controls its current raises the duty cycle."
+    )
+    parameters = (
+        Parameter("share", 0.5, "", "the part of the voltage that is left", 0.01, 1.0, healthy=1.0),
+        Parameter("direction", 1.0, "", "1: for positive duty cycles, -1: for negative ones", -1.0, 1.0, healthy=None),
+    )
+    share: float
+    direction: float
+
+    def change(self, windings: Windings) -> None:
+        shares = windings.upwards if self.direction >= 0.0 else windings.downwards
+        shares[self.axis] *= self.share
+
+
+KINDS = (CurrentSensorDead, CurrentSensorGain, CurrentSensorSign, CurrentSensorOffset, AmplifierWeak)

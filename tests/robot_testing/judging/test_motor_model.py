@@ -1,0 +1,105 @@
+"""The model of a motor, from states of a winding that is known."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rtf.robot.model.drives import Drive
+from rtf.robot_testing.judging.motor_model import MotorModel, motor_model
+
+SUPPLY, RESISTANCE, CONSTANT = 24.0, 3.0, 0.03
+DRIVE = Drive("current", SUPPLY, RESISTANCE, CONSTANT, 0.01, 0.001, assumed=False, turns=100.0)
+NOISE = 0.01  # A
+SHARES = st.floats(0.2, 3.0)
+
+
+def states(*, count: int = 600, load: float = 0.3, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Duty cycles (per cent), currents (A) and speeds (deg/s) of a motor that turns to and fro, slowly and fast."""
+    random = np.random.default_rng(seed)
+    time = np.linspace(0.0, 6.0, count)
+    speeds = np.where(time < 3.0, 4000.0, 10000.0) * np.sin(2 * math.pi * time)
+    currents = load * np.sin(time) + 0.2 * np.sign(speeds) + 0.1 * random.standard_normal(count)
+    duties = (RESISTANCE * currents + CONSTANT * np.radians(speeds)) * 100.0 / SUPPLY
+    return duties, currents + NOISE * random.standard_normal(count), speeds
+
+
+def fitted(duties: np.ndarray, currents: np.ndarray, speeds: np.ndarray) -> MotorModel:
+    """The model of these states."""
+    return motor_model(duties, currents, speeds, DRIVE, SUPPLY)
+
+
+def test_a_healthy_motor_is_what_its_drive_says():
+    """All shares are 1, and nothing is shown without a current."""
+    found = fitted(*states())
+    assert (found.upwards, found.downwards, found.constant) == pytest.approx((1.0, 1.0, 1.0), abs=0.02)
+    assert found.offset == pytest.approx(0.0, abs=0.005)
+    assert found.gain == pytest.approx(1.0, abs=0.02)
+    assert found.uneven == pytest.approx(0.0, abs=0.02)
+
+
+@given(factor=st.one_of(SHARES, SHARES.map(lambda share: -share)), offset=st.floats(-1.0, 1.0))
+def test_a_sensor_shows_its_scale_its_sign_and_its_offset(factor: float, offset: float):
+    """And the torque constant all the same."""
+    duties, currents, speeds = states()
+    found = fitted(duties, factor * currents + offset, speeds)
+    assert found.gain == pytest.approx(factor, rel=0.03)
+    assert found.offset == pytest.approx(offset, abs=0.02 * abs(factor) + 1e-3)
+    assert found.constant == pytest.approx(1.0, abs=0.03)
+
+
+@given(share=st.floats(0.2, 1.0), way=st.sampled_from([1.0, -1.0]))
+def test_a_weak_direction_is_told_from_the_other_one(share: float, way: float):
+    """By duty cycles that are higher in that direction for the same current; the sensor is not accused."""
+    duties, currents, speeds = states()
+    duties = np.where(way * duties > 0.0, duties / share, duties)
+    found = fitted(duties, currents, speeds)
+    assert found.gain == pytest.approx(1.0, abs=0.03)
+    assert found.uneven == pytest.approx(-way * (1.0 - share), abs=0.03)
+
+
+def test_weak_magnets_show_in_the_torque_constant():
+    """They induce less; the winding, and so the current at rest, is the same."""
+    duties, currents, speeds = states()
+    duties -= 0.7 * CONSTANT * np.radians(speeds) * 100.0 / SUPPLY
+    found = fitted(duties, currents, speeds)
+    assert found.constant == pytest.approx(0.3, abs=0.02)
+    assert found.gain == pytest.approx(1.0, abs=0.03)
+
+
+def test_a_dead_sensor_has_no_scale():
+    """Not even with noise; neither has it a direction that is weaker, nor a constant."""
+    duties, currents, speeds = states()
+    dead = fitted(duties, 0.0 * currents, speeds)
+    assert (dead.gain, dead.offset) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert math.isnan(dead.uneven)
+    noisy = fitted(duties, np.random.default_rng(1).normal(0.0, NOISE, len(duties)), speeds)
+    assert abs(noisy.gain) < 0.02
+
+
+def test_single_wrong_states_do_not_count():
+    """One of twenty shows any current."""
+    duties, currents, speeds = states()
+    currents[::20] = np.random.default_rng(2).uniform(-10.0, 10.0, len(currents[::20]))
+    found = fitted(duties, currents, speeds)
+    assert (found.upwards, found.downwards, found.constant) == pytest.approx((1.0, 1.0, 1.0), abs=0.03)
+
+
+def test_what_the_motion_does_not_show_is_unknown():
+    """A direction in which nothing drove, a speed that did not change, and a motor that stood without a duty cycle."""
+    duties, currents, speeds = states()
+    up = duties > 0.0
+    one_way = fitted(duties[up], currents[up], speeds[up])
+    assert one_way.upwards == pytest.approx(1.0, abs=0.05)
+    assert math.isnan(one_way.downwards)
+    assert math.isnan(one_way.uneven)
+    blocked = fitted(currents * RESISTANCE * 100.0 / SUPPLY, currents, 0.0 * speeds)
+    assert blocked.gain == pytest.approx(1.0, abs=0.02)
+    assert math.isnan(blocked.constant)
+    still = fitted(0.0 * duties, 0.0 * currents, speeds)
+    assert math.isnan(still.gain)
+    assert math.isnan(still.uneven)
