@@ -171,10 +171,10 @@ class Manager:
         """Start a module, again if it is to be restarted, and wait until it counts as started."""
         while unit.state is State.WAITING:
             restart = unit.module.restart
+            if self._ending.wait(restart.backoff if unit.attempts else 0.0):
+                unit.state = State.STOPPED
+                return
             if unit.attempts:
-                if self._ending.wait(restart.backoff):
-                    unit.state = State.STOPPED
-                    return
                 text = f"{unit.module} is restarted, attempt {unit.attempts} of {restart.attempts}"
                 self._say(Kind.RESTARTED, text, unit.module)
             try:
@@ -231,8 +231,11 @@ class Manager:
     # Watching ----------------------------------------------------------------------------------------------------
 
     def watch(self) -> bool:
-        """Watch until all modules have ended, or :meth:`interrupt` is called. Returns whether none failed."""
-        while any(unit.active for unit in self.units) and not self._ending.wait(LOOK):
+        """Watch until all modules have ended, or :meth:`interrupt` is called. Returns whether none failed.
+
+        Without modules there are connections to watch.
+        """
+        while (not self.units or any(unit.active for unit in self.units)) and not self._ending.wait(LOOK):
             self.watch_once()
         return all(unit.good for unit in self.units)
 

@@ -302,6 +302,27 @@ def test_connections_are_made_and_made_again(tmp_path: Path):
         assert run.texts(Kind.FAILED) == ["/a -> /b is not connected: /a and /b are not open"]
 
 
+def test_application_of_connections_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Its connections are watched until it is interrupted; nothing is started any more after that."""
+    monkeypatch.setattr("rtf.applications.manager._LOOK_AT_LINKS", 0.0)
+    with (
+        lab(application(tmp_path, ONE_CONNECTION)) as run,
+        BufferedPort("/b", network=run.network),
+        Port("/a", network=run.network) as source,
+    ):
+        assert run.manager.start()
+        thread = threading.Thread(target=run.manager.watch)
+        thread.start()
+        source.remove_output("/b")
+        eventually(lambda: source.outputs, "it is not connected again")
+        run.manager.interrupt()
+        thread.join()
+    with lab(application(tmp_path, module("sleep", "60"))) as run:
+        run.manager.interrupt()
+        assert not run.manager.start()
+        assert run.states() == [State.STOPPED]
+
+
 def test_connection_that_persists_is_kept_by_the_name_server(tmp_path: Path):
     """It is made again when a port is back, without the manager, until the application is disconnected."""
     content = ONE_CONNECTION.replace("<connection>", '<connection persist="true" qos="level:low">')
