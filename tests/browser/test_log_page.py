@@ -84,7 +84,7 @@ def test_it_follows_pauses_and_goes_on(log: Log, visit: Any):
 
 
 def test_filters_and_a_record(log: Log, visit: Any):
-    """Filters are those of ``rtf log`` and survive a reload; a record is shown whole; a wrong filter is named."""
+    """Filters are those of ``rtf log`` and survive a reload; a record is shown whole; messages fit on a phone."""
     log.write("warm")
     log.write("hot", level=Level.WARNING, sender="/log/pc/head/8")
     log.write("burning " + "x" * 1000 + " end", level=Level.ERROR)
@@ -103,6 +103,11 @@ def test_filters_and_a_record(log: Log, visit: Any):
     expect(record).to_contain_text("/log/pc/arm/7")
     page.get_by_role("button", name="clear").click()
     expect(rows(page)).to_have_count(3)
+    page.set_viewport_size({"width": 390, "height": 844})
+    box = rows(page).first.locator(".entry-text").bounding_box()
+    assert box is not None
+    assert box["width"] > 150
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= 390
     page.get_by_label("Text").fill("nothing like it")
     expect(page.get_by_text("No record matches.")).to_be_visible()
 
