@@ -183,7 +183,7 @@ class Manager:
                 unit.state, unit.since = State.STARTING, clock.monotonic()
                 unit.pid = unit.place.start(request_of(unit.module, self._surroundings))
                 self._say(Kind.STARTED, f"{unit.module} is started ({unit.pid})", unit.module)
-                if self._settles(unit):
+                if self._comes_up(unit):
                     unit.state = State.RUNNING
                 else:
                     self._note_end(unit)
@@ -214,10 +214,10 @@ class Manager:
                 where = f"{found.host}:{found.port}"
                 raise ApplicationError(f"its port {port} is open already, by another program at {where}; end that one")
 
-    def _settles(self, unit: Unit) -> bool:
+    def _comes_up(self, unit: Unit) -> bool:
         """Wait until a module counts as started. False if it ends meanwhile; ApplicationError if it is never ready."""
         ready = unit.module.ready
-        deadline = clock.Deadline.after(max(unit.module.settle, self._patience if ready else 0.0))
+        deadline = clock.Deadline.after(max(unit.module.start_delay, self._patience if ready else 0.0))
         while not (ready and remote.exists(self._network, Contact(ready))):
             expired = deadline.expired
             if unit.module.tag not in unit.place.running():
@@ -334,8 +334,8 @@ class Manager:
         return not any(unit.state in (State.RUNNING, State.UNKNOWN) for unit in self.units)
 
     def _bring_down(self, deployer: Deployer, units: Sequence[Unit], *, kill: bool) -> None:
-        """Stop the modules of a place: SIGTERM after their farewells, SIGKILL for those that do not end in time."""
-        waiting = {unit: clock.Deadline.after(0.0 if kill else unit.module.farewell) for unit in units}
+        """Stop the modules of a place: SIGTERM after their stop delays, SIGKILL for those that do not end in time."""
+        waiting = {unit: clock.Deadline.after(0.0 if kill else unit.module.stop_delay) for unit in units}
         ending: dict[Unit, clock.Deadline] = {}
         killed: set[Unit] = set()
 

@@ -197,7 +197,7 @@ def test_modules_are_stopped_in_reverse(tmp_path: Path):
 
 
 def test_many_modules_are_stopped_together(tmp_path: Path):
-    """Those that do not wait for each other end at the same time, each after its own farewell."""
+    """Those that do not wait for each other end at the same time, each after its own delay."""
     slow = "<ensure><wait when='stop'>0.3</wait></ensure>"
     content = "".join(module("sleep", "60", slow if number == 0 else "") for number in range(40))
     with lab(application(tmp_path, content)) as run:

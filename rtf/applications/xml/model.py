@@ -60,11 +60,11 @@ class PortDependency:
 class Module:
     """A program that is started: how, where, after what, and how long it takes.
 
-    ``prefix`` is put before the names of its ports, those of the embedding applications included. ``settle`` are the
-    seconds after its start in which it becomes ready, ``farewell`` those before its stop. ``ports`` are pairs of names
-    of ports, the second of which replaces the first. ``ready`` is a port by which it shows that it is ready, in place
-    of a fixed time. ``number`` tells modules apart that are the same in all else. ``shown`` is its name for people, if
-    that is not the command.
+    ``prefix`` is put before the names of its ports, those of the embedding applications included. ``start_delay`` are
+    the seconds after its start in which it becomes ready, ``stop_delay`` those before its stop. ``ports`` are pairs of
+    names of ports, the second of which replaces the first. ``ready`` is a port by which it shows that it is ready, in
+    place of a fixed time. ``number`` tells modules apart that are the same in all else. ``shown`` is its name for
+    people, if that is not the command.
     """
 
     name: Text
@@ -77,8 +77,8 @@ class Module:
     environment: Text = NOTHING
     display: Text = NOTHING
     dependencies: tuple[PortDependency, ...] = ()
-    settle: float = 0.0
-    farewell: float = 0.0
+    start_delay: float = 0.0
+    stop_delay: float = 0.0
     ports: tuple[tuple[Text, Text], ...] = ()
     restart: Restart = Restart()
     ready: str = ""

@@ -67,7 +67,7 @@ def test_all_elements(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     assert (module.node, module.stdio, module.workdir, module.deployer) == ("pc104", "/console", "/tmp", "node")
     assert (module.prefix, module.environment, module.display) == ("/x", "A=1;B=2", ":0.0")
     assert module.dependencies == (PortDependency(Text("/a"), 5.0, "[get]", "[ok]"),)
-    assert (module.settle, module.farewell, module.ports) == (2.5, 1.0, (("/old", "/new"),))
+    assert (module.start_delay, module.stop_delay, module.ports) == (2.5, 1.0, (("/old", "/new"),))
     assert module.restart == Restart(RestartPolicy.ON_FAILURE, 3, 0.5)
     first, second = lab.connections
     assert (first.name, first.persist, first.carrier, str(first)) == ("c1", True, "udp", "/there -> /x/new")
