@@ -109,6 +109,14 @@ def test_embedded_applications(tmp_path: Path):
     assert [Path(file).name for file in lab.embedded] == ["a_camera.xml", "a_camera.xml"]
 
 
+def test_template_is_an_application(tmp_path: Path):
+    """It is found by its name, and is called after its file if it has none of its own."""
+    (tmp_path / "blank.xml.template").write_text("<application><module><name>x</name></module></application>")
+    lab = sound(tmp_path, "<application><application><name>blank</name></application></application>")
+    assert [one.name for one in lab.modules] == ["x"]
+    assert read_application(tmp_path / "blank.xml.template").application.name == "blank"
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [
