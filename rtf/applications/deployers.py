@@ -108,7 +108,10 @@ class NodeDeployer(Deployer):
         return reply.pid
 
     def running(self) -> Mapping[str, int]:
-        return {row.tag: row.pid for row in self._client(_LISTING).running()}
+        rows = self._client(_LISTING).running()
+        return {
+            row.tag: row.pid for row in rows if row.status != "zombie"
+        }  # which yarprun lists until it has reaped it
 
     def signal(self, tag: str, signum: int) -> bool:
         client = self._client(_LISTING)

@@ -7,6 +7,7 @@ import signal
 import socket
 import threading
 from contextlib import ExitStack, closing
+from itertools import chain, repeat
 from typing import TYPE_CHECKING
 
 import pytest
@@ -221,6 +222,25 @@ def test_running_modules_are_found_by_their_tag(tmp_path: Path):
             assert len(node._children.running()) == 1
             assert second.manager.stop()
         assert node._children.running() == []
+
+
+def test_nodes_of_yarp_list_what_has_ended(tmp_path: Path):
+    """A zombie in the list of ``yarprun`` does not run; how it ended is not known, as such a node does not say."""
+    app = application(tmp_path, module("sleep", "60", node="node1"))
+    rows = chain(["running"], repeat("zombie"))
+    tag = app.modules[0].tag
+
+    def answer(message: Bottle) -> Bottle:
+        if not message.check("ps"):
+            return Bottle(["not running"])
+        return Bottle([[["pid", 7], ["tag", tag], ["status", next(rows)], ["cmd", "sleep 60"], ["env", ""]]])
+
+    network = Network(LocalNames())
+    with RpcServer("/node1", answer, network=network), lab(app, network) as run:
+        run.manager.look()
+        assert run.states() == [State.RUNNING]
+        run.manager.look()
+        assert run.states() == [State.STOPPED]
 
 
 def test_port_that_is_open_already_is_refused(tmp_path: Path):
