@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from rtf.applications.deployers import Surroundings
 from rtf.applications.happenings import Happening, Kind, State
 from rtf.applications.manager import Manager
+from rtf.applications.session import Session, holder
 from rtf.applications.xml.reader import read_application
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
@@ -18,6 +19,7 @@ from rtf.middleware.ports.network import Network
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from rtf.applications.happenings import Say
     from rtf.applications.xml.model import Application
 
 
@@ -74,3 +76,27 @@ def lab(app: Application, network: Network | None = None, **surroundings: object
     with Manager(app, around, said.append, patience=5.0) as manager:
         yield Lab(network, manager, said)
         manager.stop()
+
+
+class LabOffice:
+    """Makes sessions and managers of applications on a network in this process; sessions are files of a folder."""
+
+    def __init__(self, folder: Path, network: Network | None = None) -> None:
+        self.network = network or Network(LocalNames())
+        self._folder = folder
+
+    def session(self, application: Application) -> Session:
+        """Begin the session of an application."""
+        return Session(self._path(application))
+
+    def holder(self, application: Application) -> int:
+        """Return the process that holds the session."""
+        return holder(self._path(application))
+
+    def manager(self, application: Application, said: Say, *, attached: bool = False) -> Manager:
+        """Make the manager of an application."""
+        around = Surroundings(self.network, self.network, f"/app/{application.name}", attached=attached)
+        return Manager(application, around, said, patience=5.0)
+
+    def _path(self, application: Application) -> Path:
+        return self._folder / f"{application.name}.session"

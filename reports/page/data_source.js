@@ -15,7 +15,7 @@ export async function openSource() {
 }
 
 /** Remove the token from the address, so that it is neither visible nor bookmarked, and store it for this tab. */
-function takeToken() {
+export function takeToken() {
   const found = /(?:^#|&)token=([^&]*)/.exec(location.hash);
   try {
     if (found) sessionStorage.setItem(TOKEN_KEY, found[1]);

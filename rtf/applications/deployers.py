@@ -24,7 +24,7 @@ from rtf.middleware.types.codecs import BOTTLE
 from rtf.testing import plugins
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
     from rtf.applications.run.protocol import Ending, Request
@@ -86,6 +86,10 @@ class Deployer(ABC):
         """Return how the last program of a tag has ended; None where that is not known."""
         return None
 
+    def output(self, tag: str) -> Sequence[str]:  # noqa: ARG002 - for those that know
+        """Return the last lines of a program; none where they are not known."""
+        return ()
+
     def close(self) -> None:  # noqa: B027 - most hold nothing
         """Release what the deployer holds. Programs that are not held end."""
 
@@ -122,6 +126,12 @@ class NodeDeployer(Deployer):
             return self._client(_LAST_WORDS).ending(tag)
         except NodeError:  # one of YARP, or one that is gone
             return None
+
+    def output(self, tag: str) -> Sequence[str]:
+        try:
+            return self._client(_LAST_WORDS).output(tag)
+        except NodeError:
+            return ()
 
 
 class LocalDeployer(NodeDeployer):

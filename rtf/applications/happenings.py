@@ -56,7 +56,8 @@ class Happening:
 class Unit:
     """A module in the hands of a manager.
 
-    ``since`` is when it was started, ``reason`` why it does not run, ``attempts`` how often it was restarted in a row.
+    ``since`` is when it was started, ``reason`` why it does not run, ``attempts`` how often it was restarted in a row,
+    ``halted`` that it was asked to stop by itself, without the application.
     """
 
     index: int
@@ -68,6 +69,7 @@ class Unit:
     since: float = 0.0
     attempts: int = 0
     optional: bool = False
+    halted: bool = False
 
     @property
     def place(self) -> Deployer:

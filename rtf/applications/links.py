@@ -11,7 +11,7 @@ from rtf.applications.happenings import Happening, Kind
 from rtf.middleware.errors import MiddlewareError, NameServerError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from rtf.applications.happenings import Say
     from rtf.applications.xml.model import Connection
@@ -19,45 +19,66 @@ if TYPE_CHECKING:
 
 
 class Links:
-    """The connections of an application. ``said`` is called with what happens to them; ``ending`` ends ``watch``."""
+    """The connections of an application. ``said`` is called with what happens to them; ``ending`` ends ``watch``.
+
+    Those that are wanted are watched: at first none, and all after ``connect``. Any thread.
+    """
 
     def __init__(
-        self, wanted: Sequence[Connection], network: Network, said: Say, ending: threading.Event | None = None
+        self, known: Sequence[Connection], network: Network, said: Say, ending: threading.Event | None = None
     ) -> None:
-        self._wanted = wanted
+        self._known = known
         self._network = network
         self._said = said
         self._ending = ending or threading.Event()
-        self._made: set[int] = set()
+        self._wanted: set[Connection] = set()
+        self._made: set[Connection] = set()
 
-    def connect(self, *, last: bool = True) -> bool:
-        """Make the connections that are not made. Returns whether all are. The ``last`` try tells of the others."""
+    def want(self, some: Iterable[Connection]) -> None:
+        """Have connections made by the next ``watch`` that finds their ports."""
+        self._wanted |= {*some}
+
+    def connect(self, some: Iterable[Connection] | None = None, *, last: bool = True) -> bool:
+        """Make all connections that are not made, or ``some``. Returns whether all are that are wanted now.
+
+        The ``last`` try tells of the others.
+        """
+        self.want(self._known if some is None else some)
+        return self._make(last=last)
+
+    def _make(self, *, last: bool) -> bool:
         try:
             known = {one.name for one in self._network.names.list()}
         except MiddlewareError as error:
             if last:
                 self._say(Kind.FAILED, f"nothing is connected: {error}")
             return False
-        for index, connection in enumerate(self._wanted):
-            if index in self._made or self._ending.is_set():
+        for connection in [one for one in self._known if one in self._wanted - self._made]:
+            if self._ending.is_set():
                 continue
             gone = [end.port for end in (connection.source, connection.target) if end.port not in known]
             reason = f"{' and '.join(gone)} {'is' if len(gone) == 1 else 'are'} not open" if gone else ""
             try:
                 if not gone:
                     connections.connect(self._network, connection)
-                    self._made.add(index)
+                    self._made.add(connection)
                     self._say(Kind.CONNECTED, f"{connection} is connected by {connection.carrier}")
             except MiddlewareError as error:
                 reason = str(error)
             if reason and last:
                 self._say(Kind.FAILED, f"{connection} is not connected: {reason}")
-        return len(self._made) == len(self._wanted)
+        return self._made >= self._wanted
 
-    def disconnect(self) -> bool:
-        """End the connections that exist. Returns whether all could be ended."""
+    def disconnect(self, some: Iterable[Connection] | None = None) -> bool:
+        """End the connections that exist, or ``some`` of them. Returns whether all could be ended.
+
+        They are not wanted any more.
+        """
         done = True
-        for connection in self._wanted:
+        ended = self._known if some is None else [*some]
+        self._wanted -= {*ended}
+        self._made -= {*ended}
+        for connection in ended:
             try:
                 if connections.disconnect(self._network, connection):
                     self._say(Kind.STOPPED, f"{connection} is disconnected")
@@ -67,21 +88,20 @@ class Links:
             except MiddlewareError as error:
                 done = False
                 self._say(Kind.FAILED, f"{connection} is not disconnected: {error}")
-        self._made.clear()
         return done
 
     def states(self) -> list[tuple[Connection, Link]]:
         """Return each connection, and its state."""
-        return [*zip(self._wanted, connections.states(self._network, self._wanted), strict=True)]
+        return [*zip(self._known, connections.states(self._network, self._known), strict=True)]
 
     def watch(self) -> None:
         """Make lost connections again. One whose ports cannot be asked, or are not there, is left as it is."""
-        for index, (connection, state) in enumerate(self.states()):
-            if state is Link.APART and index in self._made:
-                self._made.discard(index)
+        for connection, state in self.states():
+            if state is Link.APART and connection in self._made:
+                self._made.discard(connection)
                 self._say(Kind.LOST, f"{connection} is lost")
-        if len(self._made) < len(self._wanted):
-            self.connect(last=False)
+        if self._wanted - self._made:
+            self._make(last=False)
 
     def _say(self, kind: Kind, text: str) -> None:
         self._said(Happening(kind, text))

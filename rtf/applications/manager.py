@@ -121,7 +121,7 @@ class Manager:
 
         Returns whether all is up. What is up stays up otherwise.
         """
-        if not self._application_is_fulfilled():
+        if not self.is_fulfilled():
             return False
         self.look()
         waiting = []
@@ -146,7 +146,8 @@ class Manager:
         """Have ``start`` and ``watch`` return soon. From any thread."""
         self._ending.set()
 
-    def _application_is_fulfilled(self) -> bool:
+    def is_fulfilled(self) -> bool:
+        """Wait for the ports that the application needs, as long as it says. Returns whether they are there."""
         for dependency in self.application.dependencies:
             deadline = clock.Deadline.after(dependency.timeout or 0.0)
             while what := connections.missing(self._network, dependency):
@@ -163,6 +164,20 @@ class Manager:
                 return False
         return done
 
+    def begin(self, units: Sequence[Unit]) -> None:
+        """Begin to start modules that do not run; ``watch_once`` goes on. Their connections are made, too."""
+        for unit in units:
+            if unit.deployer is None or unit.active:
+                continue
+            unit.state, unit.reason, unit.attempts, unit.halted = State.WAITING, "", 0, False
+            self._begin(unit)
+        opened = [self._ports[unit.index] for unit in units]
+        self.links.want(
+            one
+            for one in self.application.connections
+            if any(ports.opens(one.source.port) or ports.opens(one.target.port) for ports in opened)
+        )
+
     def _begin(self, unit: Unit) -> None:
         """Have a module brought up in a thread of its own."""
         self._starts.append(self._pool.submit(self._bring_up, unit))
@@ -171,7 +186,7 @@ class Manager:
         """Start a module, again if it is to be restarted, and wait until it counts as started."""
         while unit.state is State.WAITING:
             restart = unit.module.restart
-            if self._ending.wait(restart.backoff if unit.attempts else 0.0):
+            if self._is_over(unit, restart.backoff if unit.attempts else 0.0):
                 unit.state = State.STOPPED
                 return
             if unit.attempts:
@@ -188,7 +203,18 @@ class Manager:
                 else:
                     self._note_end(unit)
             except RtfError as error:
-                self._fail(unit, str(error))
+                if unit.halted:
+                    unit.state = State.STOPPED
+                else:
+                    self._fail(unit, str(error))
+
+    def _is_over(self, unit: Unit, seconds: float) -> bool:
+        """Wait, and return whether the module or the application was asked to stop meanwhile."""
+        deadline = clock.Deadline.after(seconds)
+        while not unit.halted and not self._ending.wait(min(LOOK, deadline.remaining())):
+            if deadline.expired:
+                return False
+        return True
 
     def _await_dependencies(self, unit: Unit) -> None:
         """Wait for the ports of a module. Raises ApplicationError after the longest of their timeouts."""
@@ -204,7 +230,7 @@ class Manager:
                 if not told:
                     told = True
                     self._say(Kind.WAITING, f"{unit.module} waits: {what}", unit.module)
-                if self._ending.wait(LOOK):
+                if self._is_over(unit, LOOK):
                     raise ApplicationError("it was waiting when the application was stopped")
 
     def _refuse_taken_ports(self, unit: Unit) -> None:
@@ -224,7 +250,7 @@ class Manager:
                 return False
             if expired and ready:
                 raise ApplicationError(f"its port {ready} is not open after {deadline.limit:g} s")
-            if expired or self._ending.wait(min(LOOK, deadline.remaining())):
+            if expired or self._is_over(unit, min(LOOK, deadline.remaining())):
                 break
         return True
 
@@ -251,10 +277,10 @@ class Manager:
 
     def watch_modules(self) -> None:
         """Look at modules alone."""
-        before = [unit for unit in self.units if unit.state in (State.RUNNING, State.UNKNOWN)]
+        before = [unit for unit in self.units if unit.state in (State.RUNNING, State.UNKNOWN) and not unit.halted]
         self.look(LOOK)
         for unit in before:
-            if unit.state is State.STOPPED and self._note_end(unit):
+            if unit.state is State.STOPPED and not unit.halted and self._note_end(unit):
                 self._begin(unit)
         for done in [start for start in self._starts if start.done()]:
             self._starts.remove(done)
@@ -327,11 +353,28 @@ class Manager:
             if unit.deployer is not None and (unit.pid or unit.since or unit.state is not State.FAILED):
                 unit.state = State.STOPPED
         self.look()
+        return self._bring_all_down(self.units, kill=kill)
+
+    def halt(self, units: Sequence[Unit], *, kill: bool = False) -> bool:
+        """Stop some modules while others run on, in the order of ``stop``. Returns whether none of them is left.
+
+        Any thread may ask, also to kill what another one has begun to stop.
+        """
+        for unit in units:
+            unit.halted = True
+        while any(unit.state in (State.WAITING, State.STARTING) for unit in units):
+            clock.sleep(_LOOK_AT_STARTS)
+        for unit in units:
+            if unit.state in (State.ENDED, State.FAILED):
+                unit.state, unit.reason = State.STOPPED, ""
+        return self._bring_all_down(units, kill=kill)
+
+    def _bring_all_down(self, units: Sequence[Unit], *, kill: bool) -> bool:
         for level in reversed(self._order.levels()):
-            there = [self.units[index] for index in level if self.units[index].state in (State.RUNNING, State.UNKNOWN)]
+            there = [unit for unit in units if unit.index in level and unit.state in (State.RUNNING, State.UNKNOWN)]
             places = {unit.place: [one for one in there if one.place is unit.place] for unit in there}
             list(self._pool.map(partial(self._bring_down, kill=kill), places, places.values()))
-        return not any(unit.state in (State.RUNNING, State.UNKNOWN) for unit in self.units)
+        return not any(unit.state in (State.RUNNING, State.UNKNOWN) for unit in units)
 
     def _bring_down(self, deployer: Deployer, units: Sequence[Unit], *, kill: bool) -> None:
         """Stop the modules of a place: SIGTERM after their stop delays, SIGKILL for those that do not end in time."""

@@ -56,6 +56,25 @@ class Session:
         self.close()
 
 
+def holder(path: Path) -> int:
+    """Return the process that holds the session, 0 if there is none. The session is not touched."""
+    try:
+        file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    except OSError:
+        return 0
+    try:
+        pid = _number(file)
+        if pid:
+            os.kill(pid, 0)
+    except ProcessLookupError:
+        return 0
+    except PermissionError:
+        return pid
+    finally:
+        os.close(file)
+    return pid
+
+
 def await_session(path: Path, timeout: float) -> Session:
     """Wait until the session is free, and hold it. Raises TakenError after ``timeout`` seconds."""
     deadline = clock.Deadline.after(timeout)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable, Iterable, Sequence
 
-    from rtf.applications.happenings import Happening
+    from rtf.applications.happenings import Happening, Say
     from rtf.applications.links import Links
     from rtf.applications.manager import Manager
     from rtf.applications.xml.model import Application
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from rtf.testing.events import Diagnosed
 
 #: Seconds for a manager that was asked to stop, and for what a killed one has left on this machine.
-_STOPPING, _GRACE = 120.0, 5.0
+_STOPPING, GRACE = 120.0, 5.0
 
 
 def _parser(word: str, description: str, example: str = "lab.xml") -> Parser:
@@ -164,7 +164,8 @@ def _counted(number: int, noun: str) -> str:
 # With the network --------------------------------------------------------------------------------------------------
 
 
-def _session_path(application: Application, folder: str = "apps") -> Path:
+def session_path(application: Application, folder: str = "apps") -> Path:
+    """Return the file of an application's session, or in another ``folder`` that of its node."""
     import platformdirs
 
     from rtf.applications.run.record import record_path
@@ -175,36 +176,42 @@ def _session_path(application: Application, folder: str = "apps") -> Path:
     return record_path(state, f"app_{application.name}", str(place.contact) if place else "")
 
 
-def _make_manager(
+def make_manager(
     application: Application,
+    said: Say | None = None,
     *,
     hold: bool = False,
     log: str | None = None,
     patience: float | None = None,
     attached: bool = False,
 ) -> Manager:
-    """Return a manager with the node of this machine, or ``attached`` to that of the process that runs it."""
+    """Return a manager with the node of this machine, or ``attached`` to that of the process that runs it.
+
+    What happens is printed, or given to ``said``.
+    """
     import re
     import socket
 
     from rtf.applications.deployers import Surroundings
+    from rtf.applications.happenings import Happening, Kind
     from rtf.applications.manager import PATIENCE, Manager
     from rtf.applications.run.record import NodeRecord
     from rtf.cli.network.options import make_network
     from rtf.middleware.naming.configuration import find_network
 
+    tell = said or _tell
     word = re.sub(r"[^0-9A-Za-z._-]", "_", application.name)
     surroundings = Surroundings(
         make_network(),
         find_network({**os.environ, "YARP_IP": "127.0.0.1"}),
         f"/app/{word}/{socket.gethostname()}",
-        lambda: NodeRecord(_session_path(application, "nodes")),
+        lambda: NodeRecord(session_path(application, "nodes")),
         hold=hold,
         log=log,
         attached=attached,
-        told=_say,
+        told=lambda text: tell(Happening(Kind.FOUND, text)),
     )
-    return Manager(application, surroundings, _tell, patience=PATIENCE if patience is None else patience)
+    return Manager(application, surroundings, tell, patience=PATIENCE if patience is None else patience)
 
 
 def _tell(happening: Happening) -> None:
@@ -246,9 +253,9 @@ def run(words: Sequence[str]) -> int:
     if not options.detach:
         from rtf.applications.run.keeper import fork_server
 
-        code = fork_server(_GRACE)
+        code = fork_server(GRACE)
         if code is not None:
-            return run_to_its_end("rtf app run", lambda _: _clean_up(application, code), words)
+            return run_to_its_end("rtf app run", lambda _: clean_up(application, code), words)
     return run_to_its_end("rtf app run", lambda _: _run(application, options), words)
 
 
@@ -256,8 +263,8 @@ def _run(application: Application, options: argparse.Namespace) -> int:
     from rtf.applications.session import Session
     from rtf.cli.network.terminal import opened
 
-    make = partial(_make_manager, application, hold=options.detach, log=options.log, patience=options.timeout)
-    with Session(_session_path(application)), opened(make) as manager:
+    make = partial(make_manager, application, hold=options.detach, log=options.log, patience=options.timeout)
+    with Session(session_path(application)), opened(make) as manager:
 
         def run_watched() -> bool:
             if not manager.start():
@@ -301,20 +308,20 @@ def _stop(manager: Manager, *, kill: bool = False) -> bool:
     return manager.stop(kill=kill)
 
 
-def _clean_up(application: Application, code: int) -> int:
+def clean_up(application: Application, code: int) -> int:
     """Stop what a manager has left on nodes that was killed. In its parent process, which has ended what was here."""
     from rtf.applications.errors import TakenError
     from rtf.applications.session import Session
     from rtf.cli.network.terminal import opened
 
     try:
-        session = Session(_session_path(application))
+        session = Session(session_path(application))
     except TakenError:  # another process cares for the application already
         return code
     with session:
         if session.unfinished:
             _say(f"the manager of {application.name} was killed; what it has left is stopped", wrong=True)
-            with opened(partial(_make_manager, application)) as manager:
+            with opened(partial(make_manager, application)) as manager:
                 _stop(manager)
     return code
 
@@ -337,7 +344,7 @@ def _end(word: str, description: str, words: Sequence[str]) -> ExitCode:
 
     options = _parser(word, description).parse_args(words)
     application = _sound(options)
-    path = _session_path(application)
+    path = session_path(application)
     try:
         session = Session(path)
     except TakenError as taken:
@@ -345,7 +352,7 @@ def _end(word: str, description: str, words: Sequence[str]) -> ExitCode:
         if taken.pid:  # else it has just begun, or is about to end
             signal_process(taken.pid, signal.SIGKILL if word == "kill" else signal.SIGTERM)
         session = await_session(path, _STOPPING)
-    with session, opened(partial(_make_manager, application)) as manager:
+    with session, opened(partial(make_manager, application)) as manager:
         return ExitCode.PASSED if _stop(manager, kill=word == "kill") else ExitCode.FAILURES
 
 
@@ -382,11 +389,11 @@ def status(words: Sequence[str]) -> ExitCode:
     application = _sound(options)
     with ExitStack() as stack:
         try:
-            stack.enter_context(Session(_session_path(application)))
+            stack.enter_context(Session(session_path(application)))
             attached = False
         except TakenError:
             attached = True
-        manager = stack.enter_context(opened(partial(_make_manager, application, attached=attached)))
+        manager = stack.enter_context(opened(partial(make_manager, application, attached=attached)))
         manager.look()
         connected = manager.links.states()
     for unit in manager.units:

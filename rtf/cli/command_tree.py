@@ -146,6 +146,7 @@ _APP = (
     _app("disconnect", "end its connections"),
     _app("status", "how its modules and connections are"),
     Command("list", "[FOLDER ...]", "those in files and folders", "rtf.cli.app:list_applications"),
+    Command("page", "FILE ...", "run, watch and build them in a browser", "rtf.cli.app_page:page"),
 )
 #: Runs suites; with --server or --on programs on other machines, as YARP's command of this name does.
 _RUN = "rtf.cli.run_node:run"

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import anyio
-from starlette.requests import ClientDisconnect
 from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route, Router
 
@@ -17,7 +16,8 @@ from rtf.page import compare, files
 from rtf.page.access import FILE_POLICY, Access, Guard
 from rtf.page.assets import INDEX, read_assets
 from rtf.page.errors import FileRefusedError, SeriesError
-from rtf.page.responses import asset_response, json_response, text_response
+from rtf.page.requests import read_body
+from rtf.page.responses import asset_response, error_response, json_response, text_response
 from rtf.page.series import pack_file
 from rtf.page.settings import LOG_NAME, Settings
 from rtf.page.status import Status
@@ -34,9 +34,8 @@ if TYPE_CHECKING:
     #: Passes a request on to the run; the reply has the reason of a refusal in ``error`` and ``late``.
     Command = Callable[[dict[str, Any]], Awaitable[dict[str, Any]]]
 
-#: The limits of a client's request: bytes, and seconds.
+#: The limit of a client's request, in bytes.
 MAX_BODY = 64 << 10
-BODY_TIME = 10.0
 #: Seconds between keep-alive messages of a quiet stream, and milliseconds until a client reconnects.
 KEEP_ALIVE = 10.0
 RETRY = 1000
@@ -197,7 +196,7 @@ class Page:
         if isinstance(given, Response):
             return given
         if type(given.get("stage")) is not int or given["stage"] not in _STAGES:
-            return _error(400, 'the body must be {"stage": 1} (after this test) or {"stage": 2} (now)')
+            return error_response(400, 'the body must be {"stage": 1} (after this test) or {"stage": 2} (now)')
         return await self._pass_on({"stop": given["stage"]})
 
     async def answer(self, request: Request) -> Response:
@@ -207,56 +206,34 @@ class Page:
             return given
         words = [given.get(name) for name in ("test", "question", "answer")]
         if not all(isinstance(word, str) and _is_text(word) for word in words):
-            return _error(400, 'the body must be {"test": …, "question": …, "answer": …}, with texts only')
+            return error_response(400, 'the body must be {"test": …, "question": …, "answer": …}, with texts only')
         return await self._pass_on({"answer": words})
 
     async def _read_command(self, request: Request) -> dict[str, Any] | Response:
-        if not self.access.may_control(request.headers.get("authorization", "")):
-            refusal = _error(401, "the token is missing or wrong; open the address that testrunner printed")
-            refusal.headers["www-authenticate"] = "Bearer"
-            return refusal
-        if request.headers.get("content-type", "").partition(";")[0].strip().lower() != "application/json":
-            return _error(415, "want application/json")
+        body = await read_body(request, self.access, MAX_BODY)
+        if isinstance(body, Response):
+            return body
         try:
-            async with asyncio.timeout(BODY_TIME):
-                body = await _body(request)
             given = json.loads(body)
-        except TimeoutError:
-            return _error(408, "the request is incomplete")
-        except OverflowError:
-            return _error(413, f"the request is larger than {MAX_BODY >> 10} KiB")
-        except (ValueError, RecursionError, ClientDisconnect):
-            return _error(400, "the body is not valid JSON")
-        return given if isinstance(given, dict) else _error(400, "the body must be a JSON object")
+        except (ValueError, RecursionError):
+            return error_response(400, "the body is not valid JSON")
+        return given if isinstance(given, dict) else error_response(400, "the body must be a JSON object")
 
     async def _pass_on(self, command: dict[str, Any]) -> Response:
         if self._command is None:
-            return _error(409, "the run is over")
+            return error_response(409, "the run is over")
         try:
             said = await self._command(command)
         except (TimeoutError, ConnectionError):
-            return _error(503, "the runner does not answer")
+            return error_response(503, "the runner does not answer")
         if "error" in said:
-            return _error(409 if said.get("late") else 400, str(said["error"]))
+            return error_response(409 if said.get("late") else 400, str(said["error"]))
         return json_response(202, {})
-
-
-def _error(status: int, text: str) -> Response:
-    return json_response(status, {"error": text})
 
 
 def _is_text(word: str) -> bool:
     """Return whether a text can be encoded: JSON strings can have lone surrogates."""
     return word.encode(errors="replace").decode() == word
-
-
-async def _body(request: Request) -> bytes:
-    body = b""
-    async for chunk in request.stream():
-        body += chunk
-        if len(body) > MAX_BODY:
-            raise OverflowError
-    return body
 
 
 async def _content(path: Path, size: int) -> AsyncIterator[bytes]:

@@ -7,24 +7,21 @@ has looked through; the browser goes on from there. So a log of any size is show
 from __future__ import annotations
 
 import asyncio
-import threading
 from contextlib import contextmanager
 from dataclasses import fields
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from starlette.routing import Route, Router
 
 from rtf.logs.query import Query, read_level, read_moment
 from rtf.logs.store import LogFileError, LogReader
-from rtf.page.access import Access, Guard
+from rtf.page.access import Guard
 from rtf.page.assets import read_assets
 from rtf.page.responses import asset_response, json_response, text_response
-from rtf.page.server import Server
-from rtf.page.server_process import listen
-from rtf.page.settings import address_of
+from rtf.page.serving import serve
 
 if TYPE_CHECKING:
-    import socket
     from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
@@ -33,6 +30,7 @@ if TYPE_CHECKING:
     from starlette.types import ASGIApp
 
     from rtf.logs.store import Stored, Window
+    from rtf.page.access import Access
 
 #: The page of a log among the files of all pages.
 INDEX = "logs.html"
@@ -42,8 +40,6 @@ MOST_TEXT = 400
 #: Requests that read the file at the same time; a scan keeps a processor busy.
 _READERS = 2
 _LARGEST = (1 << 63) - 1
-#: Seconds for the server to start.
-_START = 10.0
 
 
 class BadRequestError(ValueError):
@@ -180,38 +176,5 @@ def serve_log(file: Path, host: str, port: int) -> Iterator[str]:
     """
     with LogReader(file):
         pass
-    serving = _Serving(file, host, listen(host, port))
-    try:
-        yield serving.start()
-    finally:
-        serving.stop()
-
-
-class _Serving:
-    """The thread of a server."""
-
-    def __init__(self, file: Path, host: str, listener: socket.socket) -> None:
-        self._file = file
-        self._listener = listener
-        self._host, self._port = host, listener.getsockname()[1]
-        self._loop = asyncio.new_event_loop()
-        self._started = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="rtf-log-page", daemon=True)
-
-    def start(self) -> str:
-        self._thread.start()
-        self._started.wait(_START)
-        return address_of(self._host, self._port)
-
-    def stop(self) -> None:
-        self._loop.call_soon_threadsafe(self._server.stopping.set)
-        self._thread.join()
-        self._loop.close()
-
-    def _run(self) -> None:
-        self._loop.run_until_complete(self._serve())
-
-    async def _serve(self) -> None:
-        self._server = Server(make_log_application(self._file, Access(self._host, self._port)))
-        self._started.set()
-        await self._server.serve(sockets=[self._listener])
+    with serve(partial(make_log_application, file), host, port) as address:
+        yield address

@@ -26,3 +26,8 @@ def text_response(status: int, text: str) -> Response:
 def json_response(status: int, value: object) -> Response:
     """Return a value as JSON."""
     return Response(json.dumps(value).encode(), status, media_type="application/json")
+
+
+def error_response(status: int, text: str) -> Response:
+    """Return why a request is refused, as JSON."""
+    return json_response(status, {"error": text})

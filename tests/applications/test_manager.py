@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import socket
@@ -423,3 +424,38 @@ def test_deployer_is_a_plug_in(tmp_path: Path):
         assert run.texts(Kind.STARTED) == ["row fast on lake is started (7)"]
         assert run.manager.stop()
         assert run.texts(Kind.STOPPED) == ["row fast on lake is stopped"]
+
+
+def test_modules_are_started_and_stopped_one_by_one(tmp_path: Path):
+    """Connections of started ones are made, a waiting one stops waiting, and what was stopped is no failure."""
+    content = module("sleep", "60") + module("sleep", "61") + module("sleep", "62", needs("/never"))
+    with lab(application(tmp_path, content)) as run:
+        first, second, waiting = run.manager.units
+        run.manager.begin([first, waiting])
+        eventually(lambda: run.states() == [State.RUNNING, State.STOPPED, State.WAITING], "it is not started")
+        assert run.manager.halt([first, waiting])
+        run.manager.watch_once()
+        assert run.states() == [State.STOPPED] * 3
+        assert run.texts(Kind.FAILED) == run.texts(Kind.ENDED) == []
+        run.manager.begin([first, second])
+        eventually(lambda: run.states() == [State.RUNNING, State.RUNNING, State.STOPPED], "it is not started again")
+        assert run.manager.halt([first], kill=True)
+        assert run.texts(Kind.STOPPED) == ["sleep 60 is stopped", "sleep 60 is killed"]
+        assert not alive(first.pid)
+        assert alive(second.pid)
+
+
+def test_connections_are_made_one_by_one(tmp_path: Path):
+    """Only wanted connections are made and kept; one that was ended is left alone."""
+    both = ONE_CONNECTION + "<connection><from>/a</from><to>/c</to></connection>"
+    with lab(application(tmp_path, both)) as run, contextlib.ExitStack() as ports:
+        for name in ("/a", "/b", "/c"):
+            ports.enter_context(BufferedPort(name, network=run.network))
+        first, _ = run.manager.application.connections
+        links = run.manager.links
+        assert links.connect([first])
+        links.watch()
+        assert [state for _, state in links.states()] == [Link.CONNECTED, Link.APART]
+        assert links.disconnect([first])
+        links.watch()
+        assert [state for _, state in links.states()] == [Link.APART, Link.APART]

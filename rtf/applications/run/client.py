@@ -63,6 +63,10 @@ class RunClient:
         """Return how the last program of a tag has ended. Only RTF's nodes answer; YARP's raise NodeError."""
         return Ending.read(self.ask(Ask("ended", tag)))
 
+    def output(self, tag: str) -> list[str]:
+        """Return the last lines of a program of a tag. Only RTF's nodes answer; YARP's raise NodeError."""
+        return [*map(as_string, self.ask(Ask("output", tag)))]
+
     def close_terminal(self, tag: str) -> None:
         """Ask the node to close the terminal that it has opened for a program."""
         self.ask(Ask("killstdio", tag))

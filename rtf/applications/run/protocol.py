@@ -122,7 +122,8 @@ _READERS: dict[str, Callable[[Bottle, str], Request]] = {
     "cmd": _read_start,
     "kill": _read_kill,
     **dict.fromkeys(
-        ("sigterm", "sigtermall", "ps", "isrunning", "killstdio", "sysinfo", "which", "exit", "ended"), _read_ask
+        ("sigterm", "sigtermall", "ps", "isrunning", "killstdio", "sysinfo", "which", "exit", "ended", "output"),
+        _read_ask,
     ),
 }
 

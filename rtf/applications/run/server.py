@@ -57,6 +57,8 @@ MOST, GRACE = 256, 5.0
 _SIGNALS = range(1, signal.NSIG)
 #: The programs whose ends are remembered, and the last lines of each.
 _ENDINGS, _LAST = 256, 20
+#: The most lines of a running program in an answer; 4 KiB have at most so many.
+_MOST_LINES = 4096
 #: Seconds in which whoever asked the node to end reads the answer.
 _FAREWELL = 1.0
 #: Seconds in which the last lines of programs are sent when the node has ended.
@@ -133,6 +135,7 @@ class RunServer:
             "which": self._which,
             "exit": self._exit,
             "ended": self._ended,
+            "output": self._output,
         }
         self._endings: dict[str, Ending] = {}
         token = record.token if record else f"{os.getpid()}.{id(self):x}"
@@ -270,6 +273,14 @@ class RunServer:
         with self._lock:
             found = self._endings.get(request.about)
         return Bottle() if found is None else found.to_bottle()
+
+    def _output(self, request: Ask) -> Bottle:
+        children = self._children.find(request.about)
+        if children:
+            return Bottle([*children[-1].tail.lines(_MOST_LINES)])
+        with self._lock:
+            found = self._endings.get(request.about)
+        return Bottle() if found is None else Bottle([*found.lines])
 
     def _exit(self, _request: Ask) -> Bottle:
         self._say(f"{self._port.asker} ends this node")

@@ -53,10 +53,13 @@ class Loaded:
         return any(one.severity is Severity.ERROR for one in self.diagnostics)
 
 
-def read_application(path: Path, variables: Mapping[str, str] | None = None) -> Loaded:
-    """Read an application, or the template of one, and all that it embeds. ``variables`` replace those of the file."""
+def read_application(path: Path, variables: Mapping[str, str] | None = None, *, root: Element | None = None) -> Loaded:
+    """Read an application, or the template of one, and all that it embeds. ``variables`` replace those of the file.
+
+    ``root`` is read instead of the content of the file, which may not have it yet.
+    """
     problems = DiagnosticLog()
-    reader = _Reader(problems, variables or {})
+    reader = _Reader(problems, variables or {}, {} if root is None else {path.resolve(): root})
     application = Application(Text(path.stem), str(path))
     try:
         application = reader.read(path, (), "", {})
@@ -68,9 +71,10 @@ def read_application(path: Path, variables: Mapping[str, str] | None = None) -> 
 class _Reader:
     """Reads one application. Problems are collected, and reading goes on where it can."""
 
-    def __init__(self, problems: DiagnosticLog, given: Mapping[str, str]) -> None:
+    def __init__(self, problems: DiagnosticLog, given: Mapping[str, str], unsaved: Mapping[Path, Element]) -> None:
         self._problems = problems
         self._given = given
+        self._unsaved = unsaved
         self._trees: dict[Path, Element] = {}
         self._spent = [0]
         self._counts: Counter[str] = Counter()
@@ -118,7 +122,7 @@ class _Reader:
     def _tree(self, path: Path) -> Element:
         real = path.resolve()
         if real not in self._trees:
-            root = self._trees[real] = read_tree(path, self._problems.warning)
+            root = self._trees[real] = self._unsaved.get(real) or read_tree(path, self._problems.warning)
             if root.name == "application":
                 check(root, "application", self._problems)
         return self._trees[real]

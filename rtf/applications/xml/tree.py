@@ -24,12 +24,16 @@ MAX_BYTES = 10 * 1024 * 1024
 
 def read_tree(path: Path, warn: Callable[[str, Location, str], None] | None = None) -> Element:
     """Return the root of a file. Raises XmlError; ``warn`` is given what other programs would reject."""
+    return parse_tree(read_bytes(path), str(path), warn)
+
+
+def read_bytes(path: Path) -> bytes:
+    """Return a file, or its beginning if it is larger than :data:`MAX_BYTES`. Raises XmlError."""
     try:
         with path.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
+            return stream.read(MAX_BYTES + 1)
     except OSError as error:
         raise XmlError(f"the file cannot be read: {error.strerror}", Location(str(path))) from None
-    return parse_tree(data, str(path), warn)
 
 
 def parse_tree(data: bytes, file: str, warn: Callable[[str, Location, str], None] | None = None) -> Element:

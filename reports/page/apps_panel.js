@@ -1,0 +1,132 @@
+// What is selected: the texts of a module or connection, to be edited, its state, and its problems.
+
+import { fill, free, h, setText } from "./dom.js";
+import { sign } from "./state_signs.js";
+import { showState, stateOfBox, stateOfLink } from "./apps_states.js";
+
+const MODULE = [
+  ["name", "Program"], ["parameters", "Parameters"], ["node", "Node"], ["prefix", "Prefix of ports"], ["workdir", "Working directory"],
+  ["environment", "Environment"], ["deployer", "Deployer"], ["stdio", "Terminal on node"], ["display", "Display"],
+];
+const CONNECTION = [["source", "From"], ["target", "To"], ["protocol", "Carrier"]];
+export const CARRIERS = ["tcp", "fast_tcp", "udp", "mcast", "unix_stream", "text", "mjpeg"];
+const OUTPUT_PAUSE = 1000; // milliseconds between two looks at the output
+
+export class AppPanel {
+  constructor(page) {
+    this.page = page;
+    this.state = h("span");
+    this.reason = free("");
+    this.output = h("pre", { class: "mono output", tabindex: 0, role: "region", "aria-label": "Output" });
+    this.element = h("aside", { class: "apps-panel", "aria-label": "Properties" });
+    setInterval(() => this.#readOutput(), OUTPUT_PAUSE);
+  }
+
+  /** Show the selection. An input that has the focus is left alone. */
+  draw() {
+    const { model, selection } = this.page;
+    const [key] = selection.size === 1 ? selection : [];
+    const item = model.byKey.get(key) ?? model.links.find((link) => link.name === key);
+    const focus = document.activeElement;
+    const field = this.element.contains(focus) && item?.id && this.item?.id === item.id ? focus.name : "";
+    this.item = item;
+    fill(this.element, ...(item ? this.#one(item) : this.#several(selection)));
+    if (field) this.element.querySelector(`[name="${CSS.escape(field)}"]`)?.focus();
+  }
+
+  #several(selection) {
+    const { view, model } = this.page;
+    if (selection.size) return [h("h2", { text: `${selection.size} selected` }), this.#removeButton()];
+    const facts = [["Modules", model.boxes.filter((box) => box.kind !== "external").length], ["Connections", model.links.length], ["Problems", view.problems.length]];
+    return [free(view.name, "h2"), view.description ? free(view.description, "p") : null, h("dl", { class: "facts" }, facts.map(([name, value]) => h("div", {}, h("dt", { text: name }), h("dd", { text: value }))))];
+  }
+
+  #one(item) {
+    const isBox = Boolean(item.ports);
+    const { document } = this.page;
+    const editable = item.id && this.page.editable;
+    return [
+      free(isBox ? item.title : `${item.source} → ${item.target}`, "h2"), item.kind === "external" ? h("p", { class: "dim", text: "Ports that no program of this application opens." }) : h("p", {}, this.state, " ", this.reason),
+      this.#problems(item.id),
+      editable ? this.#fields(isBox ? MODULE : CONNECTION, isBox ? document.module(item.id) : document.connection(item.id), isBox) : this.#facts(item, isBox),
+      editable ? this.#removeButton() : null,
+      isBox ? this.#help(item) : null, isBox ? this.#ports(item) : null,
+      isBox && item.kind !== "external" ? [h("h3", { text: "Output" }), this.output] : null,
+    ];
+  }
+
+  #fields(names, texts, isBox) {
+    const set = (fields) => (isBox ? this.page.edit((document) => document.setModule(texts.id, fields)) : this.page.edit((document) => document.setConnection(texts.id, fields)));
+    const fields = names.map(([name, label]) => {
+      const input = h("input", { type: "text", name, autocomplete: "off", spellcheck: "false", list: name === "protocol" ? "carriers" : null, on: { change: () => set({ [name]: input.value }) } });
+      input.value = texts[name] ?? "";
+      return h("label", { class: "field" }, h("span", { text: label }), input);
+    });
+    if (!isBox) fields.push(this.#persist(texts, set));
+    return h("form", { class: "fields", on: { submit: (event) => event.preventDefault() } }, fields);
+  }
+
+  #persist(texts, set) {
+    const box = h("input", { type: "checkbox", name: "persist", on: { change: () => set({ persist: box.checked }) } });
+    box.checked = Boolean(texts.persist);
+    return h("label", { class: "check" }, box, " made again whenever both ports are open (persist)");
+  }
+
+  #facts(item, isBox) {
+    const facts = isBox ? [["Command", item.command], ["Node", item.node], ["Embedded in", item.kind === "embedded" ? item.file : ""]] : [["From", item.source], ["To", item.target], ["Carrier", item.carrier]];
+    return h("dl", { class: "facts" }, facts.filter(([, value]) => value).map(([name, value]) => h("div", {}, h("dt", { text: name }), free(value, "dd"))));
+  }
+
+  #removeButton() {
+    return h("p", {}, h("button", { type: "button", class: "danger", disabled: !this.page.editable, text: "Remove", on: { click: () => this.page.remove() } }));
+  }
+
+  #problems(id) {
+    const found = id ? this.page.view.problems.filter((one) => one.id === id) : [];
+    return found.length ? h("ul", { class: "problems" }, found.map((one) => h("li", {}, sign(one.severity === "error" ? "failure" : "warning"), free(one.text), one.hint ? [" ", free(`(${one.hint})`, "span", { class: "dim" })] : null))) : null;
+  }
+
+  /** What the description of a program says of its arguments. */
+  #help(box) {
+    const program = this.page.palette.find((one) => one.name === box.command.split(" ", 1)[0].split("/").pop());
+    if (!program) return null;
+    const words = program.arguments.map((one) => h("div", {}, h("dt", { class: "mono" }, free(`--${one.name}`), one.required ? " (required)" : ""), h("dd", {}, free(one.description), one.default ? [" ", free(`default ${one.default}`, "span", { class: "dim" })] : null)));
+    return [h("h3", { text: "Description" }), free(program.description, "p"), words.length ? h("dl", { class: "arguments" }, words) : null];
+  }
+
+  #ports(box) {
+    if (!box.ports.length) return null;
+    return [h("h3", { text: "Ports" }), h("ul", { class: "ports" }, box.ports.map((port) => h("li", {}, free(port.name, "span", { class: "mono" }), h("span", { class: "dim" }, ` ${port.kind} `, free(port.type), port.required ? ", required" : ""))))];
+  }
+
+  // What changes by itself
+
+  update(status) {
+    const { item } = this;
+    if (!item) return;
+    const [state, pid, reason] = item.ports ? (stateOfBox(item, status) ?? ["unknown", 0, ""]) : [stateOfLink(item, status), 0, ""];
+    showState(this.state, state);
+    setText(this.reason, reason || (pid ? `process ${pid}` : ""));
+  }
+
+  async #readOutput() {
+    const { item } = this;
+    if (!item?.tag || document.hidden || this.reading) return;
+    this.reading = true;
+    try {
+      const lines = await this.page.server.get(`${this.page.place}/output?module=${encodeURIComponent(item.tag)}`);
+      if (item === this.item) this.#showOutput(lines.join("\n"));
+    } catch {
+      // the status says that the server does not answer
+    } finally {
+      this.reading = false;
+    }
+  }
+
+  #showOutput(text) {
+    const { output } = this;
+    const atEnd = output.scrollTop + output.clientHeight >= output.scrollHeight - 2;
+    setText(output, text);
+    if (atEnd) output.scrollTop = output.scrollHeight;
+  }
+}

@@ -1,0 +1,358 @@
+"""An application on the page: what runs of it, and what is asked for.
+
+The page runs an application by a manager of its own, which it makes when the first module is started and closes when
+the last one has ended: in between others can run it. While another process does, the page shows its modules, and can
+have it stopped as a whole.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections import deque
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from rtf import clock
+from rtf.applications.errors import ApplicationError
+from rtf.applications.happenings import Happening, Kind, State
+from rtf.applications.links import Links
+from rtf.applications.manager import LOOK
+from rtf.applications.page.document import save
+from rtf.applications.page.nodes import Nodes
+from rtf.applications.page.view import key_of
+from rtf.applications.xml.reader import read_application
+from rtf.errors import RtfError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Mapping, Sequence
+    from pathlib import Path
+
+    from rtf.applications.happenings import Say, Unit
+    from rtf.applications.manager import Manager
+    from rtf.applications.page.document import Document
+    from rtf.applications.session import Session
+    from rtf.applications.xml.model import Application, Connection
+    from rtf.middleware.ports.network import Network
+
+#: What happened last is kept, in so many sentences.
+_KEPT = 500
+#: Seconds between two looks at connections, at least; between two looks for another process that runs the application;
+#: and after which nobody is looking any more.
+_LOOK_AT_LINKS, _LOOK_FOR_OTHERS, _ATTENTION = 1.0, 1.0, 10.0
+#: The share of the time in which connections may be looked at.
+_SHARE = 0.1
+#: Requests of one application that are worked on at the same time.
+_WORKERS = 8
+STOPPING = "stopping"
+
+
+class Office(Protocol):
+    """Makes what it takes to run applications on a network, as the command line was told."""
+
+    network: Network
+
+    def session(self, application: Application) -> Session:
+        """Begin the session of an application. Raises TakenError."""
+
+    def holder(self, application: Application) -> int:
+        """Return the process that runs an application, 0 if there is none."""
+
+    def manager(self, application: Application, said: Say, *, attached: bool = False) -> Manager:
+        """Make the manager of an application. Raises RtfError."""
+
+
+@dataclass(frozen=True, slots=True)
+class Happened:
+    """Something that happened, by its number and the seconds since 1970."""
+
+    number: int
+    time: float
+    kind: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """How an application is now.
+
+    ``modules`` has state, process id and reason by tag, ``connections`` the state by key. ``runner`` is another process
+    that runs the application. ``outdated``: what runs is not what the file has.
+    """
+
+    runner: int
+    outdated: bool
+    modules: Mapping[str, tuple[str, int, str]]
+    connections: Mapping[str, str]
+    nodes: Mapping[str, Mapping[str, object]]
+    happened: Sequence[Happened]
+
+
+class Controlled:
+    """An application on the page. Any thread may ask. ``close`` stops what the page has started."""
+
+    def __init__(self, path: Path, variables: Mapping[str, str], office: Office) -> None:
+        self.path = path
+        self.variables = variables
+        self._office = office
+        self._lock = threading.RLock()  # of what is run
+        self._telling = threading.Lock()  # of what happened
+        self._manager: Manager | None = None
+        self._session: Session | None = None
+        self._runner = 0
+        self._working = 0
+        self._saved = False
+        self._count = 0
+        self._happened: deque[Happened] = deque(maxlen=_KEPT)
+        self._before: dict[str, tuple[str, int, str]] = {}  # how modules ended, by tag
+        self._linked: dict[str, str] = {}
+        self._asked = clock.monotonic()
+        self._closing = threading.Event()
+        self._application = self._read()
+        self._links = Links(self._application.connections, office.network, self._say)
+        self._nodes = Nodes(office.network)
+        self._pool = ThreadPoolExecutor(_WORKERS, "rtf-app-page")
+        self._threads = [threading.Thread(target=work, daemon=True) for work in (self._watch, self._watch_network)]
+        for thread in self._threads:
+            thread.start()
+
+    def _read(self) -> Application:
+        loaded = read_application(self.path, self.variables)
+        self._has_errors = loaded.has_errors
+        return loaded.application
+
+    def _say(self, happening: Happening) -> None:
+        with self._telling:
+            self._count += 1
+            self._happened.append(Happened(self._count, clock.now(), str(happening.kind), happening.text))
+
+    def network(self) -> Network | None:
+        """Return the network if its names can be asked, for a check."""
+        try:
+            self._office.network.names.query("/root")
+        except RtfError:
+            return None
+        return self._office.network
+
+    # Looking ---------------------------------------------------------------------------------------------------------
+
+    def status(self, after: int = 0) -> Status:
+        """Return how the application is, and what happened after the sentence with a number."""
+        self._asked = clock.monotonic()
+        modules = {**self._before, **{unit.module.tag: _state(unit) for unit in self._units()}}
+        with self._telling:
+            happened = [one for one in self._happened if one.number > after]
+        return Status(self._runner, self._saved, modules, self._linked, self._nodes.loads, happened)
+
+    def _units(self) -> Sequence[Unit]:
+        manager = self._manager
+        return manager.units if manager is not None else ()
+
+    def output(self, tag: str) -> Sequence[str]:
+        """Return the last lines of a module; none where they are not known."""
+        places = [unit.deployer for unit in self._units() if unit.module.tag == tag]
+        return places[0].output(tag) if places and places[0] is not None else ()
+
+    # Requests --------------------------------------------------------------------------------------------------------
+
+    def run(self, tags: Collection[str] | None) -> None:
+        """Begin to start modules, or all, and to connect them. Raises RtfError if that cannot be begun."""
+        with self._lock:
+            manager = self._take_over()
+            units = _chosen(manager, tags)
+
+            def work() -> None:
+                if tags is not None or manager.is_fulfilled():
+                    manager.begin(units)
+
+            self._do(work)
+
+    def stop(self, tags: Collection[str] | None, *, kill: bool = False) -> None:
+        """Begin to stop modules, or all. Another process that runs them can only be asked to stop all."""
+        with self._lock:
+            manager = self._manager
+            if self._runner:
+                if tags is not None:
+                    raise ApplicationError(
+                        f"process {self._runner} runs the application, and can be stopped only whole"
+                    )
+                os.kill(self._runner, signal.SIGKILL if kill else signal.SIGTERM)
+            elif manager is not None:
+                units = _chosen(manager, tags)
+                if tags is None:
+                    self._do(manager.links.disconnect)
+                self._do(lambda: manager.halt(units, kill=kill))
+
+    def connect(self, keys: Collection[str] | None) -> None:
+        """Begin to make connections, or all."""
+        with self._lock:
+            links, some = self._current_links(), self._connections(keys)
+            self._do(lambda: links.connect(some))
+
+    def disconnect(self, keys: Collection[str] | None) -> None:
+        """Begin to end connections, or all."""
+        with self._lock:
+            links, some = self._current_links(), self._connections(keys)
+            self._do(lambda: links.disconnect(some))
+
+    def save(self, document: Document) -> None:
+        """Write the file. What runs is not changed. Raises RtfError."""
+        try:
+            save(self.path, document)
+        except OSError as error:
+            raise ApplicationError(f"{self.path} is not saved: {error.strerror}") from None
+        with self._lock:
+            if self._manager is None:
+                self._use_file()
+            else:
+                self._saved = True
+
+    def _use_file(self) -> None:
+        self._application = self._read()
+        self._links = Links(self._application.connections, self._office.network, self._say)
+        self._saved = False
+
+    def _current_links(self) -> Links:
+        with self._lock:
+            return self._links if self._manager is None or self._runner else self._manager.links
+
+    def _connections(self, keys: Collection[str] | None) -> list[Connection]:
+        return [one for one in self._application.connections if keys is None or key_of(one) in keys]
+
+    def _do(self, work: Callable[[], object]) -> None:
+        """Work on a request in a thread of its own; its errors are told."""
+
+        def whole() -> None:
+            try:
+                work()
+            except RtfError as error:
+                self._say(Happening(Kind.FAILED, str(error)))
+            finally:
+                with self._lock:
+                    self._working -= 1
+
+        with self._lock:
+            self._working += 1
+        self._pool.submit(whole)
+
+    # The manager -----------------------------------------------------------------------------------------------------
+
+    def _take_over(self) -> Manager:
+        """Return the manager; one is made if there is none. Raises RtfError."""
+        if self._runner:
+            raise ApplicationError(f"process {self._runner} runs the application; stop it first")
+        if self._saved and not any(unit.active for unit in self._units()):
+            self._release()
+        if self._saved:
+            raise ApplicationError("the application still runs as it was before it was saved; stop it first")
+        if self._manager is None:
+            self._use_file()
+            if self._has_errors:
+                raise ApplicationError("the application has errors; its problems say which")
+            session = self._office.session(self._application)
+            try:
+                self._manager = self._office.manager(self._application, self._say)
+            except BaseException:
+                session.close()
+                raise
+            self._session = session
+            self._manager.look()
+            self._before = {}
+        return self._manager
+
+    def _release(self) -> None:
+        """Close the manager, so that others can run the application."""
+        with self._lock:
+            if self._manager is None or self._working:
+                return
+            if not self._runner:
+                self._before = {unit.module.tag: _state(unit) for unit in self._manager.units}
+            self._manager.close()
+            self._manager, self._runner = None, 0
+            if self._session is not None:
+                self._session.close()
+                self._session = None
+            self._use_file()
+
+    def close(self) -> None:
+        """Stop what the page has started, and end all threads."""
+        self._closing.set()
+        for thread in self._threads:
+            thread.join()
+        if self._manager is not None and not self._runner:
+            self._manager.interrupt()
+        self._pool.shutdown()
+        if self._manager is not None and not self._runner:
+            self._manager.links.disconnect()
+            self._manager.stop()
+        self._release()
+        self._nodes.close()
+
+    # Threads ---------------------------------------------------------------------------------------------------------
+
+    def _watch(self) -> None:
+        """Watch what runs."""
+        with suppress(RtfError):  # whether something runs that was left, is known when the network can be asked
+            self._find_left()
+        due = 0.0
+        while not self._closing.wait(LOOK):
+            try:
+                if self._manager is not None and not self._runner:
+                    self._watch_own(self._manager)
+                elif clock.monotonic() >= due:
+                    due = clock.monotonic() + _LOOK_FOR_OTHERS
+                    self._watch_other()
+            except RtfError as error:
+                self._say(Happening(Kind.FAILED, str(error)))
+
+    def _find_left(self) -> None:
+        """Take over modules that a manager has left running."""
+        with self._lock:
+            if not self._has_errors and not self._office.holder(self._application):
+                self._take_over()
+
+    def _watch_own(self, manager: Manager) -> None:
+        manager.watch_once()
+        if not any(unit.active for unit in manager.units):
+            self._release()
+
+    def _watch_other(self) -> None:
+        """Look at what another process runs, if there is one."""
+        with self._lock:
+            runner = 0 if self._has_errors else self._office.holder(self._application)
+            if self._manager is not None and runner != self._runner:
+                self._release()
+            if self._manager is None and runner:
+                self._manager = self._office.manager(self._application, self._say, attached=True)
+                self._runner = runner
+                self._before = {}
+        if self._manager is not None:
+            self._manager.look(LOOK)
+
+    def _watch_network(self) -> None:
+        """Look at connections and nodes, while somebody is interested."""
+        pause = 0.0
+        while not self._closing.wait(pause or LOOK):
+            pause = 0.0
+            if clock.monotonic() - self._asked > _ATTENTION:
+                continue
+            begun = clock.monotonic()
+            states = self._current_links().states()
+            self._linked = {key_of(connection): str(state) for connection, state in states}
+            self._nodes.look({module.node for module in self._application.modules})
+            pause = max(_LOOK_AT_LINKS, (clock.monotonic() - begun) / _SHARE)
+
+
+def _chosen(manager: Manager, tags: Collection[str] | None) -> list[Unit]:
+    units = [unit for unit in manager.units if tags is None or unit.module.tag in tags]
+    if tags is not None and len(units) < len({*tags}):
+        raise ApplicationError("the application has no such module; reload the page")
+    return units
+
+
+def _state(unit: Unit) -> tuple[str, int, str]:
+    state = STOPPING if unit.halted and unit.state is State.RUNNING else str(unit.state)
+    return state, unit.pid if unit.state is State.RUNNING else 0, unit.reason

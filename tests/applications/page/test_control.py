@@ -1,0 +1,155 @@
+"""Applications on the page: run, stopped, connected and saved by requests, and left to others in between."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import msgspec
+import pytest
+
+from lab import LabOffice, module, needs, shell
+from rtf.applications.errors import ApplicationError
+from rtf.applications.happenings import Kind
+from rtf.applications.page.control import Controlled
+from rtf.applications.page.document import read_document
+from rtf.applications.run.server import RunServer
+from rtf.applications.session import Session
+from rtf.middleware.ports.buffered import BufferedPort
+from waiting import eventually
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+CONNECTION = "<connection><from>/a</from><to>/b</to></connection>"
+
+
+class Bench:
+    """An application on the page, and the network on which it runs."""
+
+    def __init__(self, folder: Path, content: str) -> None:
+        self.path = folder / "lab.xml"
+        self.path.write_text(f"<application><name>lab</name>{content}</application>")
+        self.office = LabOffice(folder)
+        self.controlled = Controlled(self.path, {}, self.office)
+
+    def states(self) -> dict[str, str]:
+        """The states of the modules, by tag."""
+        return {tag: state for tag, (state, _, _) in self.controlled.status().modules.items()}
+
+    def has(self, **states: str) -> None:
+        """Wait until modules have these states."""
+        eventually(lambda: self.states() == states, f"they are not {states}")
+
+    def texts(self, kind: Kind) -> list[str]:
+        """What happened of a kind."""
+        return [one.text for one in self.controlled.status().happened if one.kind == kind]
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Callable[[str], Bench]]:
+    """Puts an application of this content on the page; afterwards it is stopped."""
+    made: list[Bench] = []
+
+    def make(content: str) -> Bench:
+        made.append(Bench(tmp_path, content))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.controlled.close()
+
+
+def test_modules_are_run_and_stopped(bench: Callable[[str], Bench], tmp_path: Path):
+    """One, several or all; the session is held only while something runs."""
+    lab = bench(module("sleep", "60") + module("sleep", "61") + shell(tmp_path, "fail", "echo no camera; exit 3"))
+    session = tmp_path / "lab.session"
+    lab.controlled.run(None)
+    lab.has(**{"sleep600": "running", "sleep610": "running", "shfail.sh0": "failed"})
+    assert [*lab.controlled.output("shfail.sh0")] == ["no camera"]
+    assert lab.controlled.status().modules["shfail.sh0"][2] == "exit status 3"
+    assert session.read_text()
+    lab.controlled.stop({"sleep600"})
+    lab.has(**{"sleep600": "stopped", "sleep610": "running", "shfail.sh0": "failed"})
+    lab.controlled.run({"sleep600"})
+    lab.has(**{"sleep600": "running", "sleep610": "running", "shfail.sh0": "failed"})
+    lab.controlled.stop(None, kill=True)
+    lab.has(**dict.fromkeys(("sleep600", "sleep610", "shfail.sh0"), "stopped"))
+    eventually(lambda: session.read_text() == "", "the session is still held")
+    assert "sleep 61 is killed" in lab.texts(Kind.STOPPED)
+
+
+def test_a_waiting_module_can_be_stopped(bench: Callable[[str], Bench]):
+    """It is no failure that it did not get its port."""
+    lab = bench(module("sleep", "60", needs("/never")))
+    lab.controlled.run(None)
+    lab.has(sleep600="waiting")
+    lab.controlled.stop(None)
+    lab.has(sleep600="stopped")
+    assert lab.texts(Kind.FAILED) == []
+
+
+def test_connections_are_made_and_ended(bench: Callable[[str], Bench]):
+    """Whether something runs or not; ports that are not open are apart."""
+    lab = bench(CONNECTION)
+    eventually(lambda: lab.controlled.status().connections == {"/a /b": "no port"}, "it is not looked at")
+    network = lab.office.network
+    with BufferedPort("/a", network=network), BufferedPort("/b", network=network):
+        lab.controlled.connect(None)
+        eventually(lambda: lab.controlled.status().connections == {"/a /b": "connected"}, "it is not connected")
+        lab.controlled.disconnect({"/a /b"})
+        eventually(lambda: lab.controlled.status().connections == {"/a /b": "apart"}, "it is still connected")
+
+
+def test_loads_of_nodes_are_shown(bench: Callable[[str], Bench]):
+    """Those of this machine, of a node, and why one does not answer."""
+    lab = bench(module("sleep", "60") + module("sleep", "61", node="pc1") + module("sleep", "62", node="gone"))
+    with RunServer("/pc1", network=lab.office.network):
+        eventually(lambda: len(lab.controlled.status().nodes) == 3, "they are not asked")
+        nodes = lab.controlled.status().nodes
+        assert nodes["localhost"]["cores"] == nodes["pc1"]["cores"]
+        assert "there is no node /gone" in str(nodes["gone"]["error"])
+
+
+def test_saved_changes_are_used_when_all_is_stopped(bench: Callable[[str], Bench]):
+    """What runs is not changed by a save, and cannot be mixed with what is in the file now."""
+    lab = bench(module("sleep", "60"))
+    lab.controlled.run(None)
+    lab.has(sleep600="running")
+    document, _ = read_document(lab.path)
+    changed = msgspec.structs.replace(document.modules[0], parameters="70")
+    lab.controlled.save(msgspec.structs.replace(document, modules=(changed,)))
+    assert lab.controlled.status().outdated
+    with pytest.raises(ApplicationError, match="still runs as it was before it was saved; stop it first"):
+        lab.controlled.run(None)
+    lab.controlled.stop(None)
+    eventually(lambda: not lab.controlled.status().outdated, "the file is not read again")
+    lab.controlled.run(None)
+    lab.has(sleep700="running")
+    lab.controlled.stop(None)
+    lab.has(sleep700="stopped")
+    document, _ = read_document(lab.path)
+    lab.controlled.save(msgspec.structs.replace(document, modules=()))
+    lab.controlled.run(None)
+
+
+def test_an_application_of_another_process_is_watched(bench: Callable[[str], Bench], tmp_path: Path):
+    """Its modules cannot be started here, nor be stopped one by one."""
+    with Session(tmp_path / "lab.session"):
+        lab = bench(module("sleep", "60"))
+        eventually(lambda: lab.controlled.status().runner, "the other process is not seen")
+        with pytest.raises(ApplicationError, match=r"process \d+ runs the application; stop it first"):
+            lab.controlled.run(None)
+        with pytest.raises(ApplicationError, match="can be stopped only whole"):
+            lab.controlled.stop({"sleep600"})
+    eventually(lambda: not lab.controlled.status().runner, "the other process is still seen")
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [("<module/>", "the application has errors; its problems say which"), ("", "has no such module; reload the page")],
+)
+def test_what_cannot_be_run_is_refused(bench: Callable[[str], Bench], content: str, message: str):
+    """With the reason; nothing is started."""
+    with pytest.raises(ApplicationError, match=message):
+        bench(content).controlled.run({"other"})
