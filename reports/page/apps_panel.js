@@ -17,7 +17,9 @@ export class AppPanel {
     this.page = page;
     this.state = h("span");
     this.reason = free("");
+    this.written = h("div", {}, h("h3", { text: "Output" }));
     this.output = h("pre", { class: "mono output", tabindex: 0, role: "region", "aria-label": "Output" });
+    this.written.append(this.output);
     this.element = h("aside", { class: "apps-panel", "aria-label": "Properties" });
     setInterval(() => this.#readOutput(), OUTPUT_PAUSE);
   }
@@ -29,6 +31,7 @@ export class AppPanel {
     const item = model.byKey.get(key) ?? model.links.find((link) => link.name === key);
     const focus = document.activeElement;
     const field = this.element.contains(focus) && item?.id && this.item?.id === item.id ? focus.name : "";
+    if (item?.key !== this.item?.key || !item) this.#showOutput("");
     this.item = item;
     fill(this.element, ...(item ? this.#one(item) : this.#several(selection)));
     if (field) this.element.querySelector(`[name="${CSS.escape(field)}"]`)?.focus();
@@ -47,11 +50,10 @@ export class AppPanel {
     const editable = item.id && this.page.editable;
     return [
       free(isBox ? item.title : `${item.source} → ${item.target}`, "h2"), item.kind === "external" ? h("p", { class: "dim", text: "Ports that no program of this application opens." }) : h("p", {}, this.state, " ", this.reason),
-      this.#problems(item.id),
+      this.#problems(item.id), isBox ? this.written : null,
       editable ? this.#fields(isBox ? MODULE : CONNECTION, isBox ? document.module(item.id) : document.connection(item.id), isBox) : this.#facts(item, isBox),
       editable ? this.#removeButton() : null,
       isBox ? this.#help(item) : null, isBox ? this.#ports(item) : null,
-      isBox && item.kind !== "external" ? [h("h3", { text: "Output" }), this.output] : null,
     ];
   }
 
@@ -125,6 +127,7 @@ export class AppPanel {
 
   #showOutput(text) {
     const { output } = this;
+    this.written.hidden = !text;
     const atEnd = output.scrollTop + output.clientHeight >= output.scrollHeight - 2;
     setText(output, text);
     if (atEnd) output.scrollTop = output.scrollHeight;
