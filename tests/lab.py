@@ -95,7 +95,7 @@ class LabOffice:
 
     def manager(self, application: Application, said: Say, *, attached: bool = False) -> Manager:
         """Make the manager of an application."""
-        around = Surroundings(self.network, self.network, f"/app/{application.name}", attached=attached)
+        around = Surroundings(self.network, self.network, "/app/page", attached=attached)
         return Manager(application, around, said, patience=5.0)
 
     def _path(self, application: Application) -> Path:

@@ -1,6 +1,7 @@
 // The tables below the graph: all that is in it, and what happened. Rows are selected by their check boxes.
 
 import { fill, free, h, setText } from "./dom.js";
+import { visible } from "./format.js";
 import { formatClock } from "./logs_entry.js";
 import { showState, stateOfBox, stateOfLink } from "./apps_states.js";
 import { sign } from "./state_signs.js";
@@ -13,7 +14,7 @@ const BAD = new Set(["failed", "lost"]);
 class Row {
   constructor(page, key, name, cells) {
     this.key = key;
-    this.box = h("input", { type: "checkbox", "aria-label": `select ${name}`, on: { change: () => page.toggle(key, this.box.checked) } });
+    this.box = h("input", { type: "checkbox", "aria-label": visible(`select ${name}`), on: { change: () => page.toggle(key, this.box.checked) } });
     this.element = h("tr", { data: { row: key } }, h("td", {}, this.box), cells.map((cell) => h("td", {}, cell)));
   }
 
@@ -25,6 +26,11 @@ class Row {
 
 function table(label, heads, rows) {
   return h("table", { "aria-label": label, class: "apps-table" }, h("thead", {}, h("tr", {}, heads.map((head) => h("th", { scope: "col" }, head)))), h("tbody", {}, rows));
+}
+
+/** A head for those who do not see what the column has. */
+function unseen(text) {
+  return h("span", { class: "unseen", text });
 }
 
 /** The modules of an application. */
@@ -42,7 +48,7 @@ export class ModuleTable {
       const row = new Row(this.page, box.key, box.title, [name, state, free(box.node), pid, free(box.command, "span", { class: "mono" }), free(box.kind === "embedded" ? box.file : ""), reason]);
       return Object.assign(row, { item: box, state, pid, reason });
     });
-    fill(this.element, table("Modules", ["", "Program", "State", "Node", "Process", "Command", "Embedded in", "Reason"], this.rows.map((row) => row.element)));
+    fill(this.element, table("Modules", [unseen("Select"), "Program", "State", "Node", "Process", "Command", "Embedded in", "Reason"], this.rows.map((row) => row.element)));
   }
 
   update(status, selection) {
@@ -70,7 +76,7 @@ export class ConnectionTable {
       const row = new Row(this.page, link.name, `${link.source} to ${link.target}`, [name, free(link.target), state, free(link.carrier), link.persist ? "persists" : ""]);
       return Object.assign(row, { item: link, state });
     });
-    fill(this.element, table("Connections", ["", "From", "To", "State", "Carrier", ""], this.rows.map((row) => row.element)));
+    fill(this.element, table("Connections", [unseen("Select"), "From", "To", "State", "Carrier", unseen("Persistent")], this.rows.map((row) => row.element)));
   }
 
   update(status, selection) {
@@ -94,7 +100,7 @@ export class NodeTable {
     if (text === this.shown) return;
     this.shown = text;
     const rows = Object.entries(nodes).map(([name, found]) => h("tr", {}, h("td", {}, free(name)), cells(found)));
-    fill(this.element, table("Nodes", ["Node", "Load", "Processors", "Free memory", ""], rows));
+    fill(this.element, table("Nodes", ["Node", "Load", "Processors", "Free memory", unseen("Problem")], rows));
   }
 }
 
@@ -114,9 +120,9 @@ export class ProblemTable {
   draw(_model, { problems }) {
     const rows = problems.map((one) => h("tr", {},
       h("td", {}, sign(SEVERITY[one.severity] ?? "info")), h("td", {}, free(one.text, "span", { class: "wrap" }), one.hint ? [" ", free(`(${one.hint})`, "span", { class: "dim" })] : null),
-      h("td", {}, one.id ? h("button", { type: "button", class: "quiet", text: "show", "aria-label": `show where: ${one.text}`, on: { click: () => this.page.show(one.id) } }) : null),
+      h("td", {}, one.id ? h("button", { type: "button", class: "quiet", text: "show", "aria-label": visible(`show where: ${one.text}`), on: { click: () => this.page.show(one.id) } }) : null),
       h("td", {}, free(one.place, "span", { class: "mono" }))));
-    fill(this.element, problems.length ? table("Problems", ["", "Problem", "", "Place"], rows) : h("p", { class: "empty", text: "No problem was found." }));
+    fill(this.element, problems.length ? table("Problems", [unseen("Severity"), "Problem", unseen("Where"), "Place"], rows) : h("p", { class: "empty", text: "No problem was found." }));
   }
 
   update() {}

@@ -20,8 +20,9 @@ export class AppToolbar {
     this.element = h("div", { class: "apps-toolbar" }, group("What runs", [...this.buttons.values()]), group("The file", [this.add, this.link, this.undo, this.redo, this.save, this.arrange, this.fit]));
   }
 
+  /** A button; it cannot be pressed before the application is there. */
   #button(label, click, name = "", keys = null) {
-    return h("button", { type: "button", class: name, "aria-keyshortcuts": keys, on: { click } }, h("span", { text: label }));
+    return h("button", { type: "button", disabled: true, class: name, "aria-keyshortcuts": keys, on: { click } }, h("span", { text: label }));
   }
 
   update() {
@@ -39,6 +40,7 @@ export class AppToolbar {
     this.undo.disabled = !document.canUndo;
     this.redo.disabled = !document.canRedo;
     this.save.disabled = !document.changed;
+    this.fit.disabled = false;
     for (const button of [this.add, this.link, this.arrange]) button.disabled = !tab.editable;
   }
 }
