@@ -63,7 +63,7 @@ class FixtureLocks:
 
 
 def locks_of(uses: Iterable[Use]) -> dict[int, int]:
-    """Return the locks of fixtures, and for each whether it is shared or of this worker only."""
+    """Return the locks of fixtures by their offsets in the file: exclusive ones, and those shared by other params."""
     locks: dict[int, int] = {}
     for thing, param in uses:
         place = _offset(thing)

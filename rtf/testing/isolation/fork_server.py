@@ -220,12 +220,14 @@ def main(keeper: int) -> NoReturn:
 def _preload(control: socket.socket, names: tuple[str, ...]) -> None:
     """Import the modules of the suites here, once instead of in each test, and report those that cannot be."""
     problems = []
+    gc.disable()  # imports make many objects and no garbage
     with _one_thread():
         for name in names:
             try:
                 importlib.import_module(name)
             except Exception as error:  # noqa: BLE001 - whatever an import does, the run says so and goes on without it
                 problems.append(f"preload {name}: {type(error).__name__}: {error}")
+    gc.enable()
     control.sendall(messages.pack(Loaded(tuple(problems))))
 
 

@@ -6,6 +6,7 @@ are left when its child, the fork server, has ended or was killed. So the proces
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import socket
@@ -71,6 +72,8 @@ def main() -> NoReturn:
         processes.keep(pid)
         os._exit(0)
     os.setpgid(0, 0)
+    gc.disable()  # imports make many objects and no garbage
     from rtf.testing.isolation import fork_server
 
+    gc.enable()
     fork_server.main(keeper)
