@@ -14,12 +14,13 @@ from rtf.logs import store
 from rtf.logs.record import Level, LogRecord
 from rtf.logs.store import LogStore
 from rtf.page.log_page import serve_log
+from waiting import eventually
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from playwright.sync_api import Locator, Page
+    from playwright.sync_api import Locator, Page, Request
 
 HOSTILE = "<img/src=x/onerror=alert(1)> \u202e&amp; \x1b[31m"
 #: The rows that the list of a screen may have, and the records that the page may keep.
@@ -67,14 +68,28 @@ def test_it_follows_pauses_and_goes_on(log: Log, visit: Any):
     expect(rows(page).filter(has_text="<img/src=x/onerror=alert(1)>")).to_have_count(1)
     assert page.locator("img").count() == 0
     expect(page.get_by_role("status")).to_have_text("following")
+    underway: set[Request] = set()
+    asked: list[str] = []
+
+    def begun(request: Request) -> None:
+        underway.add(request)
+        asked.append(request.url)
+
+    def finished(request: Request) -> None:
+        underway.discard(request)
+
+    page.on("request", begun)
+    page.on("requestfinished", finished)
+    page.clock.pause_at(clock.now() + 3600)
     page.get_by_role("button", name="follow").click()
     expect(page.get_by_role("status")).to_have_text("paused")
+    eventually(lambda: page.evaluate("() => true") and not underway, "a request is not answered", limit=30)
     log.write(*(f"line {number}" for number in range(2000)))
-    asked: list[str] = []
-    page.on("request", lambda request: asked.append(request.url))
-    page.clock.fast_forward(60_000)
+    asked.clear()
+    page.clock.run_for(60_000)
     page.evaluate("() => fetch('facts')")
     assert asked == [f"{log.address}facts"]
+    page.clock.resume()
     with page.expect_response("**/records?*"):
         page.get_by_role("button", name="follow").click()
     expect(rows(page).filter(has_text="line 1999")).to_be_visible()
