@@ -3,6 +3,7 @@
 import { AppsServer } from "./apps_server.js";
 import { AppTab } from "./apps_tab.js";
 import { TabList } from "./apps_tab_list.js";
+import { showKeys } from "./apps_dialogs.js";
 import { CARRIERS } from "./apps_panel.js";
 import { h, setText } from "./dom.js";
 
@@ -62,8 +63,10 @@ class ApplicationsPage {
       else if (key === "y" || (key === "z" && event.shiftKey)) tab.redo();
       else if (key === "z") tab.undo();
       else return;
-    } else if (typing || event.altKey || key !== "a") return;
-    else tab.askToAdd();
+    } else if (typing || event.altKey) return;
+    else if (key === "a") tab.askToAdd();
+    else if (key === "?") showKeys();
+    else return;
     event.preventDefault();
   }
 }

@@ -3,6 +3,12 @@
 import { fill, free, h } from "./dom.js";
 import { CARRIERS } from "./apps_panel.js";
 
+const KEYS = [
+  [["←", "→", "↑", "↓"], "in the graph: go to the next box"], [["Shift", "arrow"], "in the graph: move the selected boxes"],
+  [["Enter"], "in the graph: edit what is selected"], [["a"], "add a program"], [["c"], "in the graph: add a connection"],
+  [["Delete"], "in the graph: remove what is selected"], [["+"], "in the graph: zoom in"], [["-"], "in the graph: zoom out"], [["0"], "in the graph: show all"],
+  [["Ctrl", "Z"], "undo"], [["Ctrl", "Y"], "redo"], [["Ctrl", "S"], "save"], [["?"], "this list"],
+];
 const SHOWN = 100; // programs of the palette that are listed
 
 /** A dialog with a form; `done` gets its values by name. */
@@ -50,6 +56,14 @@ export function askForProgram(palette, done) {
   input.addEventListener("input", draw);
   draw();
   open(dialog("Add a program", [name, list, field("parameters", "Parameters"), field("node", "Node", { placeholder: "this machine" })], "Add", done));
+}
+
+/** Show what the keys do. */
+export function showKeys() {
+  const list = h("dl", { class: "keys" }, KEYS.map(([keys, text]) => [h("dt", {}, keys.map((key) => [h("kbd", { text: key }), " "])), h("dd", { text })]));
+  const close = h("button", { type: "button", class: "quiet", text: "Close", on: { click: () => element.close() } });
+  const element = h("dialog", { "aria-labelledby": "title-keys" }, h("h2", { id: "title-keys", text: "Keys" }), list, h("div", { class: "dialog-end" }, close));
+  open(element);
 }
 
 /** Ask for a connection between ports; `boxes` have those that are known. */

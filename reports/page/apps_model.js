@@ -28,14 +28,14 @@ function ownBox(module, seen) {
   const { x, y } = module;
   return {
     key: module.id, id: module.id, kind: "own", title, tag: seen?.tag, node: seen?.node ?? module.node ?? "", file: seen?.file,
-    command: seen?.command ?? `${module.name} ${module.parameters ?? ""}`.trim(), ports: [...(seen?.ports ?? [])], x: x ?? null, y: y ?? null,
+    waits: seen?.waits ?? [], command: seen?.command ?? `${module.name} ${module.parameters ?? ""}`.trim(), ports: [...(seen?.ports ?? [])], x: x ?? null, y: y ?? null,
   };
 }
 
 function embeddedBox(seen, index) {
   return {
     key: `embedded ${index}`, id: "", kind: "embedded", title: seen.label, tag: seen.tag, node: seen.node,
-    command: seen.command, file: seen.file, ports: [...seen.ports], x: null, y: null,
+    command: seen.command, file: seen.file, waits: seen.waits, ports: [...seen.ports], x: null, y: null,
   };
 }
 

@@ -9,6 +9,10 @@ const MODULE = [
   ["environment", "Environment"], ["deployer", "Deployer"], ["stdio", "Terminal on node"], ["display", "Display"],
 ];
 const CONNECTION = [["source", "From"], ["target", "To"], ["protocol", "Carrier"]];
+const CHECKS = [
+  ["persist", "is made again whenever both ports are open"], ["source_external", "another program opens the first port"],
+  ["target_external", "another program opens the second port"],
+];
 export const CARRIERS = ["tcp", "fast_tcp", "udp", "mcast", "unix_stream", "text", "mjpeg"];
 const OUTPUT_PAUSE = 1000; // milliseconds between two looks at the output
 
@@ -53,6 +57,8 @@ export class AppPanel {
       this.#problems(item.id), isBox ? this.written : null,
       editable ? this.#fields(isBox ? MODULE : CONNECTION, isBox ? document.module(item.id) : document.connection(item.id), isBox) : this.#facts(item, isBox),
       editable ? this.#removeButton() : null,
+      isBox ? null : this.#rate(item),
+      isBox && item.waits?.length ? [h("h3", { text: "Waits for" }), h("ul", {}, item.waits.map((name) => h("li", {}, free(name, "span", { class: "mono" }))))] : null,
       isBox ? this.#help(item) : null, isBox ? this.#ports(item) : null,
     ];
   }
@@ -64,14 +70,26 @@ export class AppPanel {
       input.value = texts[name] ?? "";
       return h("label", { class: "field" }, h("span", { text: label }), input);
     });
-    if (!isBox) fields.push(this.#persist(texts, set));
+    if (!isBox) fields.push(CHECKS.map(([name, label]) => this.#check(name, label, texts, set)));
     return h("form", { class: "fields", on: { submit: (event) => event.preventDefault() } }, fields);
   }
 
-  #persist(texts, set) {
-    const box = h("input", { type: "checkbox", name: "persist", on: { change: () => set({ persist: box.checked }) } });
-    box.checked = Boolean(texts.persist);
-    return h("label", { class: "check" }, box, " made again whenever both ports are open (persist)");
+  #check(name, label, texts, set) {
+    const box = h("input", { type: "checkbox", name, on: { change: () => set({ [name]: box.checked }) } });
+    box.checked = Boolean(texts[name]);
+    return h("label", { class: "check" }, box, ` ${label}`);
+  }
+
+  /** The rate of a connection is measured by reading its source for a moment. */
+  #rate(link) {
+    const found = h("span", { class: "number", role: "status" });
+    const button = h("button", { type: "button", disabled: !this.page.editable, text: "Measure the rate", on: { click: async () => {
+      button.disabled = true;
+      setText(found, "…");
+      setText(found, await this.page.measure(link.key));
+      button.disabled = false;
+    } } });
+    return h("p", { class: "rate" }, button, " ", found);
   }
 
   #facts(item, isBox) {

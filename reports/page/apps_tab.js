@@ -66,7 +66,8 @@ export class AppTab {
       this.#tell(error instanceof RefusedError ? error.message : "The server does not answer; the page goes on when it does.", "unreachable");
       return;
     }
-    happened.update(this.status);
+    const wrong = happened.update(this.status);
+    if (wrong) this.say(wrong);
     this.#present();
   }
 
@@ -257,6 +258,17 @@ export class AppTab {
       this.fail(error);
     }
     await this.look();
+  }
+
+  /** The rate of a connection, as a text. */
+  async measure(key) {
+    try {
+      const { messages, bytes } = await this.server.post(`${this.place}/rate`, { connections: [key] });
+      return messages ? `${messages.toFixed(1)} messages and ${(bytes / 1024).toFixed(1)} KiB a second` : "no message came";
+    } catch (error) {
+      this.fail(error);
+      return "";
+    }
   }
 
   fail(error) {

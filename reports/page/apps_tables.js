@@ -121,7 +121,7 @@ export class ProblemTable {
     const rows = problems.map((one) => h("tr", {},
       h("td", {}, sign(SEVERITY[one.severity] ?? "info")), h("td", {}, free(one.text, "span", { class: "wrap" }), one.hint ? [" ", free(`(${one.hint})`, "span", { class: "dim" })] : null),
       h("td", {}, one.id ? h("button", { type: "button", class: "quiet", text: "show", "aria-label": visible(`show where: ${one.text}`), on: { click: () => this.page.show(one.id) } }) : null),
-      h("td", {}, free(one.place, "span", { class: "mono" }))));
+      h("td", {}, free(one.place.split("/").pop(), "span", { class: "mono", title: visible(one.place) }))));
     fill(this.element, problems.length ? table("Problems", [unseen("Severity"), "Problem", unseen("Where"), "Place"], rows) : h("p", { class: "empty", text: "No problem was found." }));
   }
 
@@ -139,14 +139,18 @@ export class HappenedList {
 
   draw() {}
 
+  /** Add what happened since; the last of it that went wrong is returned. */
   update({ happened }) {
+    let wrong = "";
     for (const one of happened) {
       if (one.number <= this.#last) continue;
       this.#last = one.number;
       const bad = BAD.has(one.kind);
+      if (bad) wrong = one.text;
       this.list.prepend(h("li", {}, h("span", { class: "number dim", text: formatClock(one.time) }), sign(bad ? "failure" : "info"), free(one.text, "span", { class: "text" })));
       if (this.list.childElementCount > SHOWN) this.list.lastChild.remove();
     }
+    return wrong;
   }
 
   get last() {

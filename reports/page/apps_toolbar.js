@@ -1,5 +1,6 @@
 // The buttons of an application: each works on what is selected, or on all.
 
+import { showKeys } from "./apps_dialogs.js";
 import { h, setText } from "./dom.js";
 
 const MODULES = [["run", "Run"], ["stop", "Stop"], ["kill", "Kill"]];
@@ -16,8 +17,9 @@ export class AppToolbar {
     this.link = this.#button("Add connection…", () => tab.askToConnect(), "", "c");
     this.arrange = this.#button("Arrange", () => tab.arrange());
     this.fit = this.#button("Fit", () => tab.graph.canvas.fit(), "", "0");
+    this.keys = this.#button("Keys", showKeys, "quiet", "?");
     const group = (label, several) => h("div", { class: "bar", role: "group", "aria-label": label }, several);
-    this.element = h("div", { class: "apps-toolbar" }, group("What runs", [...this.buttons.values()]), group("The file", [this.add, this.link, this.undo, this.redo, this.save, this.arrange, this.fit]));
+    this.element = h("div", { class: "apps-toolbar" }, group("What runs", [...this.buttons.values()]), group("The file", [this.add, this.link, this.undo, this.redo, this.save, this.arrange, this.fit, this.keys]));
   }
 
   /** A button; it cannot be pressed before the application is there. */
@@ -41,6 +43,7 @@ export class AppToolbar {
     this.redo.disabled = !document.canRedo;
     this.save.disabled = !document.changed;
     this.fit.disabled = false;
+    this.keys.disabled = false;
     for (const button of [this.add, this.link, this.arrange]) button.disabled = !tab.editable;
   }
 }

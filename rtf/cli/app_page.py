@@ -6,6 +6,7 @@ import secrets
 from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
+from xml.sax.saxutils import escape
 
 from rtf.cli.app import GRACE, clean_up, make_manager, session_path
 from rtf.cli.parser import add_place_options, key_value, make_parser, seconds
@@ -67,7 +68,7 @@ def _paths(options: argparse.Namespace) -> list[Path]:
             if not options.new:
                 raise ApplicationError(f"there is no application {word}; --new begins an empty one")
             try:
-                path.write_text(_EMPTY.format("new"), encoding="utf-8")
+                path.write_text(_EMPTY.format(escape(path.stem)), encoding="utf-8")
             except OSError as error:
                 raise ApplicationError(f"{path} cannot be written: {error.strerror}") from None
         paths.append(path)

@@ -218,6 +218,10 @@ def test_the_page_is_accessible(lab: Callable[[str], Lab], visit: Any, barriers:
         page.get_by_role("button", name=button).click()
         found += [f"{button}: {barrier}" for barrier in barriers(page)]
         page.keyboard.press("Escape")
+    page.keyboard.press("?")
+    expect(page.get_by_role("dialog", name="Keys")).to_be_visible()
+    found += [f"keys: {barrier}" for barrier in barriers(page)]
+    page.get_by_role("button", name="Close").click()
     assert found == []
 
 

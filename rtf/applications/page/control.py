@@ -23,6 +23,7 @@ from rtf.applications.links import Links
 from rtf.applications.manager import LOOK
 from rtf.applications.page.document import save
 from rtf.applications.page.nodes import Nodes
+from rtf.applications.page.rate import measure
 from rtf.applications.page.view import key_of
 from rtf.applications.xml.reader import read_application
 from rtf.errors import RtfError
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from rtf.applications.happenings import Say, Unit
     from rtf.applications.manager import Manager
     from rtf.applications.page.document import Document
+    from rtf.applications.page.rate import Rate
     from rtf.applications.session import Session
     from rtf.applications.xml.model import Application, Connection
     from rtf.middleware.ports.network import Network
@@ -197,6 +199,12 @@ class Controlled:
         with self._lock:
             links, some = self._current_links(), self._connections(keys)
             self._do(lambda: links.disconnect(some))
+
+    def rate(self, key: str) -> Rate:
+        """Measure the rate of a connection's source, which takes two seconds. Raises RtfError."""
+        for connection in self._connections([key]):
+            return measure(self._office.network, connection.source.port)
+        raise ApplicationError("the application has no such connection; reload the page")
 
     def save(self, document: Document) -> None:
         """Write the file. What runs is not changed. Raises RtfError."""

@@ -27,6 +27,8 @@ MODULE_TEXTS = ("name", "parameters", "node", "prefix", "workdir", "environment"
 #: An id begins with this; the number of the element among the children of the root follows.
 _MODULE, _CONNECTION = "m", "c"
 _GEOMETRY = "geometry"
+#: The names of the ends of a connection.
+_SOURCE, _TARGET = ("from", "output"), ("to", "input")
 
 
 class ChangedError(ApplicationError):
@@ -51,13 +53,15 @@ class ModuleText(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class ConnectionText(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A connection of the file, as written."""
+    """A connection of the file, as written. External ends are ports of programs that the application does not have."""
 
     id: str
     source: str = ""
     target: str = ""
     protocol: str = ""
     persist: bool = False
+    source_external: bool = False
+    target_external: bool = False
 
 
 class Document(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -144,10 +148,12 @@ def _module(ident: str, element: Element) -> ModuleText:
 def _connection(ident: str, element: Element) -> ConnectionText:
     return ConnectionText(
         ident,
-        _text(element, "from", "output"),
-        _text(element, "to", "input"),
+        _text(element, *_SOURCE),
+        _text(element, *_TARGET),
         _text(element, "protocol"),
-        element.attributes.get("persist", "").strip().lower() in ("true", "yes", "1", "on"),
+        _is_true(element, "persist"),
+        _is_true(_child(element, *_SOURCE), "external"),
+        _is_true(_child(element, *_TARGET), "external"),
     )
 
 
@@ -158,6 +164,11 @@ def _child(element: Element, *names: str) -> Element | None:
 def _text(element: Element, *names: str) -> str:
     found = _child(element, *names)
     return found.text if found is not None else ""
+
+
+def _is_true(element: Element | None, name: str) -> bool:
+    word = "" if element is None else element.attributes.get(name, "").strip().lower()
+    return word in ("true", "yes", "1", "on")
 
 
 def _place(module: Element) -> tuple[float, float] | None:
@@ -215,12 +226,12 @@ def _write(element: Element, was: ModuleText | ConnectionText, now: ModuleText |
         if (was.x, was.y) != (now.x, now.y) and now.x is not None and now.y is not None:
             _set_place(element, now.x, now.y)
     elif isinstance(was, ConnectionText) and isinstance(now, ConnectionText):
-        _set_text(element, was.source, now.source, "from", "output")
-        _set_text(element, was.target, now.target, "to", "input")
+        _set_text(element, was.source, now.source, *_SOURCE)
+        _set_text(element, was.target, now.target, *_TARGET)
         _set_text(element, was.protocol, now.protocol, "protocol")
-        if was.persist != now.persist:
-            others = {key: value for key, value in element.attributes.items() if key != "persist"}
-            element.attributes = {**others, "persist": "true"} if now.persist else others
+        _set_true(element, "persist", was=was.persist, now=now.persist)
+        _set_true(_child(element, *_SOURCE), "external", was=was.source_external, now=now.source_external)
+        _set_true(_child(element, *_TARGET), "external", was=was.target_external, now=now.target_external)
     else:
         raise ApplicationError(f"the id {now.id!r} is that of a module and of a connection")
 
@@ -237,6 +248,12 @@ def _set_text(element: Element, was: str, now: str, *names: str) -> None:
         found = _element(names[0])
         element.children.append(found)
     found.pieces = [now]
+
+
+def _set_true(element: Element | None, name: str, *, was: bool, now: bool) -> None:
+    if element is not None and was != now:
+        others = {key: value for key, value in element.attributes.items() if key != name}
+        element.attributes = {**others, name: "true"} if now else others
 
 
 def _set_place(module: Element, x: float, y: float) -> None:

@@ -46,7 +46,7 @@ class PortView(msgspec.Struct, frozen=True):
 
 
 class ModuleView(msgspec.Struct, frozen=True):
-    """A module. Without an id it belongs to the embedded application in ``file``."""
+    """A module. Without an id it belongs to the embedded application in ``file``. It ``waits`` for ports."""
 
     id: str
     tag: str
@@ -54,6 +54,7 @@ class ModuleView(msgspec.Struct, frozen=True):
     command: str
     node: str
     file: str
+    waits: tuple[str, ...]
     ports: tuple[PortView, ...]
 
 
@@ -141,6 +142,7 @@ def _modules(application: Application, by_place: Mapping[Location, str]) -> Iter
             module.command,
             module.node,
             Path(module.location.file).name,
+            tuple(one.port for one in module.dependencies),
             tuple(_ports(opened, used)),
         )
 

@@ -14,7 +14,7 @@ import msgspec
 from starlette.responses import Response
 from starlette.routing import Route, Router
 
-from rtf.applications.errors import TakenError
+from rtf.applications.errors import ApplicationError, TakenError
 from rtf.applications.page.document import ChangedError, parse_document
 from rtf.applications.page.view import ENCODER, palette, view_of
 from rtf.errors import RtfError
@@ -40,6 +40,10 @@ INDEX = "applications.html"
 MAX_BODY = 8 << 20
 
 
+#: The most ports whose rates are measured at the same time.
+_MEASURED = 4
+
+
 class Chosen(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What a request is about: modules by their tags, connections by their keys; without any of a kind, all."""
 
@@ -54,6 +58,7 @@ class ApplicationsPage:
         self._applications = applications
         self._access = access
         self._assets = read_assets()
+        self._measuring = asyncio.Semaphore(_MEASURED)
         self._reading = asyncio.Semaphore(1)  # a check keeps a processor busy
 
     def routes(self) -> list[Route]:
@@ -68,7 +73,7 @@ class ApplicationsPage:
             Route(f"{place}/output", self._of_one(self.output)),
             *(
                 Route(f"{place}/{word}", self._of_one(partial(self._change, work)), methods=["POST"])
-                for word, work in (("check", self.check), ("save", self.save), *self._controls())
+                for word, work in (("check", self.check), ("save", self.save), ("rate", self.rate), *self._controls())
             ),
             Route("/{name}", self.asset),
         ]
@@ -151,6 +156,14 @@ class ApplicationsPage:
         document = parse_document(body)
         return await self._view(lambda: view_of(one.path, one.variables, document, one.network()))
 
+    async def rate(self, one: Controlled, body: bytes) -> Response:
+        """Measure the rate of a connection, and return it."""
+        keys = _chosen(body).connections or ()
+        if len(keys) != 1:
+            raise ApplicationError("the rate of one connection at a time can be measured")
+        async with self._measuring:
+            return _json(await asyncio.to_thread(one.rate, keys[0]))
+
     async def save(self, one: Controlled, body: bytes) -> Response:
         """Write the file, and return it as :meth:`document`."""
         document = parse_document(body)
@@ -159,12 +172,15 @@ class ApplicationsPage:
 
 
 async def _control(work: Callable[[Controlled, Chosen], None], one: Controlled, body: bytes) -> Response:
-    try:
-        chosen = msgspec.json.decode(body, type=Chosen)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        return error_response(400, f"the request names no modules or connections: {error}")
-    await asyncio.to_thread(work, one, chosen)
+    await asyncio.to_thread(work, one, _chosen(body))
     return _json({}, 202)
+
+
+def _chosen(body: bytes) -> Chosen:
+    try:
+        return msgspec.json.decode(body, type=Chosen)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise ApplicationError(f"the request names no modules or connections: {error}") from None
 
 
 def _json(value: object, status: int = 200) -> Response:

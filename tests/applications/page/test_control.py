@@ -97,6 +97,7 @@ def test_connections_are_made_and_ended(bench: Callable[[str], Bench]):
     with BufferedPort("/a", network=network), BufferedPort("/b", network=network):
         lab.controlled.connect(None)
         eventually(lambda: lab.controlled.status().connections == {"/a /b": "connected"}, "it is not connected")
+        assert lab.controlled.rate("/a /b").messages == 0
         lab.controlled.disconnect({"/a /b"})
         eventually(lambda: lab.controlled.status().connections == {"/a /b": "apart"}, "it is still connected")
 

@@ -67,7 +67,7 @@ def test_what_is_not_changed_stays(file: Path):
     document, _ = read_document(file)
     assert [one.id for one in document.modules] == ["m3", "m4"]
     assert (document.modules[0].x, document.modules[0].y, document.modules[1].x) == (1.0, 2.0, None)
-    assert document.connections == (ConnectionText("c5", "${voice}", "/lab/ears"),)
+    assert document.connections == (ConnectionText("c5", "${voice}", "/lab/ears", source_external=True),)
     assert edited(file, document)[0].decode() == LAB
 
 
@@ -76,7 +76,14 @@ def test_changes_are_written_where_they_belong(file: Path):
     document, _ = read_document(file)
     moved = msgspec.structs.replace(document.modules[0], parameters="", x=5.04, y=-6.0)
     new = ModuleText("n1", "say", "<&>", x=7.0, y=8.0)
-    line = msgspec.structs.replace(document.connections[0], target="/other", protocol="udp", persist=True)
+    line = msgspec.structs.replace(
+        document.connections[0],
+        target="/other",
+        protocol="udp",
+        persist=True,
+        source_external=False,
+        target_external=True,
+    )
     other = ConnectionText("n2", "/a", "/b")
     save(file, Document(document.revision, (moved, document.modules[1], new), (line, other)))
     expected = (
@@ -88,7 +95,8 @@ def test_changes_are_written_where_they_belong(file: Path):
             "        <geometry>(Pos (x 7.0) (y 8.0))</geometry>\n    </module>\n    <connection id",
         )
         .replace('id="one"', 'id="one" persist="true"')
-        .replace("<input>/lab/ears</input>", "<input>/other</input>\n        <protocol>udp</protocol>")
+        .replace(' external="true"', "")
+        .replace("<input>/lab/ears</input>", '<input external="true">/other</input>\n        <protocol>udp</protocol>')
         .replace(
             "    <arbitrator>",
             "    <connection>\n        <from>/a</from>\n        <to>/b</to>\n    </connection>\n    <arbitrator>",
@@ -158,6 +166,7 @@ def test_an_id_of_the_wrong_kind_is_refused(file: Path):
 
 
 TEXTS = st.text(string.ascii_letters + string.digits + "/<>&\"'$ {}é\N{HEBREW LETTER ALEF}", max_size=12).map(str.strip)
+PORTS = TEXTS.map(lambda text: f"/{text}")
 MODULES = st.builds(
     ModuleText,
     st.just(""),
@@ -165,7 +174,7 @@ MODULES = st.builds(
     x=st.integers(-9999, 9999).map(float),
     y=st.integers(-9999, 9999).map(float),
 )
-CONNECTIONS = st.builds(ConnectionText, st.just(""), TEXTS, TEXTS, TEXTS, st.booleans())
+CONNECTIONS = st.builds(ConnectionText, st.just(""), PORTS, PORTS, TEXTS, *[st.booleans()] * 3)
 
 
 @given(modules=st.lists(MODULES, max_size=4), connections=st.lists(CONNECTIONS, max_size=4))

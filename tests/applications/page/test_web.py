@@ -141,7 +141,7 @@ def test_requests_start_and_stop(client: Client):
     assert client.get(f"/applications/0/status?after={happened[-1]['number']}").json["happened"] == []
 
 
-@pytest.mark.parametrize("word", ["run", "stop", "kill", "connect", "disconnect", "check", "save"])
+@pytest.mark.parametrize("word", ["run", "stop", "kill", "connect", "disconnect", "check", "save", "rate"])
 def test_what_changes_or_asks_needs_the_token(client: Client, word: str):
     """Without it, or from another site, nothing is done."""
     assert client.post(word, {}, Authorization="Bearer other").status == 401
