@@ -128,6 +128,8 @@ class Motors:
         shares = np.where(self._fed, self.resistance * self._conductance, 1.0)
         self._to_currents = np.hstack([shares[:, None] * self._demands, -(self._fed[:, None] * braking)])
         self._braking = braking
+        #: The voltages that amplifiers which control their currents add to what a motor at rest needs.
+        self._compensated = ~self._fed[:, None] * self._to_voltages
         self._upwards, self._downwards = one.upwards, one.downwards
         self._uneven = bool((one.upwards != 1.0).any() or (one.downwards != 1.0).any())
         blocked = self.supply * self._duty / FULL * self._conductance  # A
@@ -184,16 +186,17 @@ class Motors:
         One that controls its current raises it until the current flows.
         """
         demanded = self._demands @ self.wanted
-        volts = np.where(
-            self._fed,
-            self.resistance * demanded,
-            self.resistance * np.clip(demanded, -self._peak, self._peak) + self._to_voltages @ self._turning,
-        )
+        minimum(demanded, self._controlled[1], out=demanded)
+        maximum(demanded, self._controlled[0], out=demanded)
+        volts: FloatArray = self.resistance * demanded + self._compensated @ self._turning
         if self._uneven:
             shares = np.where(volts > 0.0, self._upwards, self._downwards)
-            volts = np.where(self._fed, volts, volts / np.maximum(shares, 1.0 / FULL))
-        found: FloatArray = np.clip(volts * FULL / self.supply, -self._duty, self._duty) * powered
-        return found
+            volts /= np.where(self._fed, 1.0, np.maximum(shares, 1.0 / FULL))
+        duties = volts * (FULL / self.supply)
+        minimum(duties, self._duty, out=duties)
+        maximum(duties, -self._duty, out=duties)
+        duties *= powered
+        return duties
 
     def drawn(self) -> FloatArray:
         """Return the currents that the motors draw, with those of short circuits (A)."""
