@@ -1,0 +1,78 @@
+"""The judgement of the currents of motors by JointSweep, for known states."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from .judging.test_motor_model import DRIVE, SUPPLY, states
+from .kept_test import kept_test
+
+PEAK = 8.0  # A
+
+
+def judged(duties: np.ndarray, currents: np.ndarray, speeds: np.ndarray, *, known: bool) -> SimpleNamespace:
+    """What the test says of a motor with these states, whose winding robot.toml says, or not."""
+    motor = SimpleNamespace(drive=DRIVE, supply=SUPPLY, peak=PEAK, known=known)
+    test = kept_test("JointSweep", motors={0: motor})
+    columns = {"duties": duties, "currents": currents, "speeds": speeds}
+    own = SimpleNamespace(
+        time=0.01 * np.arange(len(duties)), **{name: column[:, None] for name, column in columns.items()}
+    )
+    test._judge_motor("elbow", 0, own)
+    return test.kept
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_healthy_motor_passes(known: bool):
+    """All four numbers are measured."""
+    kept = judged(*states(), known=known)
+    assert not kept.failures
+    assert len(kept.values) == 4
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_without_a_winding_in_robot_toml_the_scale_is_not_judged(factor: float):
+    """It is measured: another resistance is as likely as a wrong sensor."""
+    duties, currents, speeds = states()
+    assert not judged(duties, factor * currents, speeds, known=False).failures
+    (failure,) = judged(duties, factor * currents, speeds, known=True).failures
+    assert f"elbow: the current is {100 * factor:.0f} % of what the duty cycle drives; likely: " in failure
+
+
+@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize(
+    ("factor", "words"), [(0.0, "the current is 0 %"), (-1.0, "the sign opposite to the duty cycle")]
+)
+def test_a_dead_sensor_and_a_wrong_sign_are_found_on_any_motor(known: bool, factor: float, words: str):
+    """No winding explains them."""
+    duties, currents, speeds = states()
+    (failure,) = judged(duties, factor * currents, speeds, known=known).failures
+    assert words in failure
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_an_offset_and_a_weak_direction_are_found_on_any_motor(known: bool):
+    """Each is named, and nothing else."""
+    duties, currents, speeds = states()
+    (failure,) = judged(duties, currents + 0.05 * PEAK, speeds, known=known).failures
+    assert "the current is 0.4 A where none flows" in failure
+    (failure,) = judged(np.where(duties > 0.0, duties / 0.6, duties), currents, speeds, known=known).failures
+    assert "a positive duty cycle drives 40 % less current" in failure
+
+
+def test_weak_magnets_are_found_where_the_constant_is_known():
+    """By the voltage that a speed induces."""
+    duties, currents, speeds = states()
+    weaker = duties - 0.6 * DRIVE.torque_constant * np.radians(speeds) * 100.0 / SUPPLY
+    (failure,) = judged(weaker, currents, speeds, known=True).failures
+    assert "elbow: the torque constant is 40 % of that in robot.toml" in failure
+    assert not judged(weaker, currents, speeds, known=False).failures
+
+
+def test_a_motor_that_was_not_driven_is_not_judged():
+    """Nor measured."""
+    duties, currents, speeds = states()
+    assert not judged(0.0 * duties, currents, speeds, known=True).values
