@@ -229,9 +229,10 @@ class JointSweep(JointsTest):
             "current for its duty cycle", 100.0 * found.gain, "%", low=least, high=most if motor.known else None,
             hint=f"{name}: {_wrong_current(found)}",
         )  # fmt: skip
-        zero = self.zero / 100.0 * motor.peak
-        hint = f"{name}: the current is {found.offset:.2g} A where none flows; {likely_causes('current zero')}"
-        self.measure("offset of the current", found.offset, "A", low=-zero, high=zero, hint=hint)
+        if not math.isnan(found.offset):
+            zero = self.zero / 100.0 * motor.peak
+            hint = f"{name}: the current is {found.offset:.2g} A where none flows; {likely_causes('current zero')}"
+            self.measure("offset of the current", found.offset, "A", low=-zero, high=zero, hint=hint)
         if not math.isnan(found.uneven):
             way = "positive" if found.uneven < 0.0 else "negative"
             less = 100.0 * abs(found.uneven)

@@ -131,6 +131,10 @@ def _general_assumptions(description: Path, mimics: Sequence[str]) -> list[str]:
     found = [
         "motors: encoders of 4096 ticks a turn, 2.5 A nominal, 5 A peak, behind gears of 100:1, without couplings",
         (
+            "windings: the peak current gives the greatest torque; at rest the supply drives that current, and without "
+            "load it turns the motor twice as fast as the joint may move"
+        ),
+        (
             f"armature: {_ROTOR:g} of the greatest inertia of the links that a joint moves, at least what the greatest "
             f"torque brings to the greatest speed in {1000 * _TIME_CONSTANT:g} ms"
         ),

@@ -30,7 +30,7 @@ _CAUSES: dict[str, tuple[str, ...]] = {
     "swapped motors": ("exchanged connectors of the motors", "swapped channels of the amplifiers in the configuration"),
     "current sensor": (
         "a broken line, or a wrong scale, of the current sensor",
-        "a broken winding or a loose connector of the motor",
+        "a broken winding or a loose connector of the motor, or a weak amplifier",
         "another resistance than that in robot.toml",
     ),
     "current sign": ("exchanged lines of the current sensor", "the sign of the current in the configuration"),

@@ -78,7 +78,8 @@ def motor_model(
     known = errors / np.array([ampere] * len(of_duty) + [induced, 1.0]) <= _CERTAIN
     shares = [float(value / ampere) if sure else math.nan for value, sure in zip(values, known[:-2], strict=False)]
     upwards, downwards = shares if all(driven) else [shares[0] if way else math.nan for way in driven]
-    found = MotorModel(upwards, downwards, math.nan, float(values[-1]))
+    # With one sign only, the current without a duty cycle would be extrapolated.
+    found = MotorModel(upwards, downwards, math.nan, float(values[-1]) if all(driven) else math.nan)
     constant = -float(values[-2]) / induced / found.gain if known[-2] and found.gain else math.nan
     return found._replace(constant=constant)
 

@@ -97,6 +97,7 @@ def test_what_the_motion_does_not_show_is_unknown():
     assert one_way.upwards == pytest.approx(1.0, abs=0.05)
     assert math.isnan(one_way.downwards)
     assert math.isnan(one_way.uneven)
+    assert math.isnan(one_way.offset)
     blocked = fitted(currents * RESISTANCE * 100.0 / SUPPLY, currents, 0.0 * speeds)
     assert blocked.gain == pytest.approx(1.0, abs=0.02)
     assert math.isnan(blocked.constant)
