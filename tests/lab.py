@@ -78,7 +78,7 @@ def lab(app: Application, network: Network | None = None, **surroundings: object
         manager.stop()
 
 
-class LabOffice:
+class LabFactory:
     """Makes sessions and managers of applications on a network in this process; sessions are files of a folder."""
 
     def __init__(self, folder: Path, network: Network | None = None) -> None:

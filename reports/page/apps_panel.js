@@ -131,7 +131,7 @@ export class AppPanel {
 
   async #readOutput() {
     const { item } = this;
-    if (!item?.tag || document.hidden || this.reading) return;
+    if (!item?.tag || this.reading || document.hidden || !this.element.checkVisibility()) return;
     this.reading = true;
     try {
       const lines = await this.page.server.get(`${this.page.place}/output?module=${encodeURIComponent(item.tag)}`);

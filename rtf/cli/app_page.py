@@ -76,7 +76,7 @@ def _paths(options: argparse.Namespace) -> list[Path]:
 
 
 def _serve(options: argparse.Namespace) -> int:
-    from rtf.applications.page.control import Controlled
+    from rtf.applications.page.control import ControlledApplication
     from rtf.cli.network.terminal import Bell, say
     from rtf.testing.reporting import ReportError
 
@@ -84,10 +84,11 @@ def _serve(options: argparse.Namespace) -> int:
         from rtf.applications.page.web import serve_applications
     except ImportError as error:
         raise ReportError(f"the web page needs {error.name}: pip install {error.name}") from None
-    office = _Office(options)
+    factory = _Factory(options)
     with ExitStack() as stack:
         controlled = [
-            stack.enter_context(closing(Controlled(path, dict(options.var), office))) for path in _paths(options)
+            stack.enter_context(closing(ControlledApplication(path, dict(options.var), factory)))
+            for path in _paths(options)
         ]
         token = secrets.token_urlsafe(_TOKEN_BYTES)
         address = stack.enter_context(serve_applications(controlled, options.web_host, options.web_port, token))
@@ -108,7 +109,7 @@ def _clean_up(options: argparse.Namespace, code: int) -> int:
     return code
 
 
-class _Office:
+class _Factory:
     """Makes sessions and managers as the command line was told."""
 
     def __init__(self, options: argparse.Namespace) -> None:

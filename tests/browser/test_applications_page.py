@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from playwright.sync_api import expect
 
-from lab import LabOffice
-from rtf.applications.page.control import Controlled
+from lab import LabFactory
+from rtf.applications.page.control import ControlledApplication
 from rtf.applications.page.web import serve_applications
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def lab(tmp_path: Path) -> Iterator[Callable[[str], Lab]]:
     def serve(content: str) -> Lab:
         file = tmp_path / "lab.xml"
         file.write_text(content)
-        controlled = Controlled(file, {}, LabOffice(tmp_path))
+        controlled = ControlledApplication(file, {}, LabFactory(tmp_path))
         serving = serve_applications([controlled], "127.0.0.1", 0, "the-token")
         opened.append((serving, controlled))
         return Lab(file, serving.__enter__())

@@ -52,7 +52,7 @@ _WORKERS = 8
 STOPPING = "stopping"
 
 
-class Office(Protocol):
+class Factory(Protocol):
     """Makes what it takes to run applications on a network, as the command line was told."""
 
     network: Network
@@ -68,7 +68,7 @@ class Office(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Happened:
+class NumberedHappening:
     """Something that happened, by its number and the seconds since 1970."""
 
     number: int
@@ -90,16 +90,16 @@ class Status:
     modules: Mapping[str, tuple[str, int, str]]
     connections: Mapping[str, str]
     nodes: Mapping[str, Mapping[str, object]]
-    happened: Sequence[Happened]
+    happened: Sequence[NumberedHappening]
 
 
-class Controlled:
+class ControlledApplication:
     """An application on the page. Any thread may ask. ``close`` stops what the page has started."""
 
-    def __init__(self, path: Path, variables: Mapping[str, str], office: Office) -> None:
+    def __init__(self, path: Path, variables: Mapping[str, str], factory: Factory) -> None:
         self.path = path
         self.variables = variables
-        self._office = office
+        self._factory = factory
         self._lock = threading.RLock()  # of what is run
         self._telling = threading.Lock()  # of what happened
         self._manager: Manager | None = None
@@ -107,15 +107,16 @@ class Controlled:
         self._runner = 0
         self._working = 0
         self._saved = False
+        self._begun: set[str] = set()  # tags of the modules that the page has started
         self._count = 0
-        self._happened: deque[Happened] = deque(maxlen=_KEPT)
+        self._happened: deque[NumberedHappening] = deque(maxlen=_KEPT)
         self._before: dict[str, tuple[str, int, str]] = {}  # how modules ended, by tag
         self._linked: dict[str, str] = {}
         self._asked = clock.monotonic()
         self._closing = threading.Event()
         self._application = self._read()
-        self._links = Links(self._application.connections, office.network, self._say)
-        self._nodes = Nodes(office.network)
+        self._links = Links(self._application.connections, factory.network, self._say)
+        self._nodes = Nodes(factory.network)
         self._pool = ThreadPoolExecutor(_WORKERS, "rtf-app-page")
         self._threads = [threading.Thread(target=work, daemon=True) for work in (self._watch, self._watch_network)]
         for thread in self._threads:
@@ -129,15 +130,15 @@ class Controlled:
     def _say(self, happening: Happening) -> None:
         with self._telling:
             self._count += 1
-            self._happened.append(Happened(self._count, clock.now(), str(happening.kind), happening.text))
+            self._happened.append(NumberedHappening(self._count, clock.now(), str(happening.kind), happening.text))
 
     def network(self) -> Network | None:
         """Return the network if its names can be asked, for a check."""
         try:
-            self._office.network.names.query("/root")
+            self._factory.network.names.query("/root")
         except RtfError:
             return None
-        return self._office.network
+        return self._factory.network
 
     # Looking ---------------------------------------------------------------------------------------------------------
 
@@ -165,6 +166,7 @@ class Controlled:
         with self._lock:
             manager = self._take_over()
             units = _chosen(manager, tags)
+            self._begun |= {unit.module.tag for unit in units if not unit.active}
 
             def work() -> None:
                 if tags is not None or manager.is_fulfilled():
@@ -203,7 +205,7 @@ class Controlled:
     def rate(self, key: str) -> Rate:
         """Measure the rate of a connection's source, which takes two seconds. Raises RtfError."""
         for connection in self._connections([key]):
-            return measure(self._office.network, connection.source.port)
+            return measure(self._factory.network, connection.source.port)
         raise ApplicationError("the application has no such connection; reload the page")
 
     def save(self, document: Document) -> None:
@@ -220,7 +222,7 @@ class Controlled:
 
     def _use_file(self) -> None:
         self._application = self._read()
-        self._links = Links(self._application.connections, self._office.network, self._say)
+        self._links = Links(self._application.connections, self._factory.network, self._say)
         self._saved = False
 
     def _current_links(self) -> Links:
@@ -260,9 +262,9 @@ class Controlled:
             self._use_file()
             if self._has_errors:
                 raise ApplicationError("the application has errors; its problems say which")
-            session = self._office.session(self._application)
+            session = self._factory.session(self._application)
             try:
-                self._manager = self._office.manager(self._application, self._say)
+                self._manager = self._factory.manager(self._application, self._say)
             except BaseException:
                 session.close()
                 raise
@@ -280,6 +282,7 @@ class Controlled:
                 self._before = {unit.module.tag: _state(unit) for unit in self._manager.units}
             self._manager.close()
             self._manager, self._runner = None, 0
+            self._begun.clear()
             if self._session is not None:
                 self._session.close()
                 self._session = None
@@ -290,12 +293,12 @@ class Controlled:
         self._closing.set()
         for thread in self._threads:
             thread.join()
-        if self._manager is not None and not self._runner:
+        if self._manager is not None:
             self._manager.interrupt()
         self._pool.shutdown()
-        if self._manager is not None and not self._runner:
+        if self._manager is not None and self._begun:
             self._manager.links.disconnect()
-            self._manager.stop()
+            self._manager.halt([unit for unit in self._manager.units if unit.module.tag in self._begun])
         self._release()
         self._nodes.close()
 
@@ -319,7 +322,7 @@ class Controlled:
     def _find_left(self) -> None:
         """Take over modules that a manager has left running."""
         with self._lock:
-            if not self._has_errors and not self._office.holder(self._application):
+            if not self._has_errors and not self._factory.holder(self._application):
                 self._take_over()
 
     def _watch_own(self, manager: Manager) -> None:
@@ -330,11 +333,11 @@ class Controlled:
     def _watch_other(self) -> None:
         """Look at what another process runs, if there is one."""
         with self._lock:
-            runner = 0 if self._has_errors else self._office.holder(self._application)
+            runner = 0 if self._has_errors else self._factory.holder(self._application)
             if self._manager is not None and runner != self._runner:
                 self._release()
             if self._manager is None and runner:
-                self._manager = self._office.manager(self._application, self._say, attached=True)
+                self._manager = self._factory.manager(self._application, self._say, attached=True)
                 self._runner = runner
                 self._before = {}
         if self._manager is not None:

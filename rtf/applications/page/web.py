@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from starlette.requests import Request
     from starlette.types import ASGIApp
 
-    from rtf.applications.page.control import Controlled
+    from rtf.applications.page.control import ControlledApplication
     from rtf.page.access import Access
 
 #: The page of applications among the files of all pages.
@@ -54,7 +54,7 @@ class Chosen(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class ApplicationsPage:
     """The handlers of the requests."""
 
-    def __init__(self, applications: Sequence[Controlled], access: Access) -> None:
+    def __init__(self, applications: Sequence[ControlledApplication], access: Access) -> None:
         self._applications = applications
         self._access = access
         self._assets = read_assets()
@@ -78,7 +78,7 @@ class ApplicationsPage:
             Route("/{name}", self.asset),
         ]
 
-    def _controls(self) -> Iterator[tuple[str, Callable[[Controlled, bytes], Awaitable[Response]]]]:
+    def _controls(self) -> Iterator[tuple[str, Callable[[ControlledApplication, bytes], Awaitable[Response]]]]:
         """Yield the requests that control an application, by the words of their addresses."""
         yield "run", partial(_control, lambda one, chosen: one.run(chosen.modules))
         yield "stop", partial(_control, lambda one, chosen: one.stop(chosen.modules))
@@ -86,7 +86,7 @@ class ApplicationsPage:
         yield "connect", partial(_control, lambda one, chosen: one.connect(chosen.connections))
         yield "disconnect", partial(_control, lambda one, chosen: one.disconnect(chosen.connections))
 
-    def _of_one(self, handle: Callable[[Controlled, Request], Awaitable[Response]]) -> Callable[..., Any]:
+    def _of_one(self, handle: Callable[[ControlledApplication, Request], Awaitable[Response]]) -> Callable[..., Any]:
         """Return a handler that finds the application, and answers errors."""
 
         async def handled(request: Request) -> Response:
@@ -118,23 +118,23 @@ class ApplicationsPage:
         """Return the applications."""
         return _json({"mode": "applications", "files": [str(one.path) for one in self._applications]})
 
-    async def status(self, one: Controlled, request: Request) -> Response:
+    async def status(self, one: ControlledApplication, request: Request) -> Response:
         """Return how an application is, and what happened after a sentence that the client has."""
         after = request.query_params.get("after", "0")
         if not (after.isascii() and after.isdigit() and len(after) <= len(str(1 << 62))):
             return text_response(400, "after must be a number")
         return _json(await asyncio.to_thread(one.status, int(after)))
 
-    async def document(self, one: Controlled, _request: Request) -> Response:
+    async def document(self, one: ControlledApplication, _request: Request) -> Response:
         """Return the file, and its view by the file alone."""
         return await self._view(lambda: view_of(one.path, one.variables, None))
 
-    async def palette(self, one: Controlled, _request: Request) -> Response:
+    async def palette(self, one: ControlledApplication, _request: Request) -> Response:
         """Return the programs that can be added."""
         async with self._reading:
             return _json(await asyncio.to_thread(palette, one.path.parent))
 
-    async def output(self, one: Controlled, request: Request) -> Response:
+    async def output(self, one: ControlledApplication, request: Request) -> Response:
         """Return the last lines of a module."""
         return _json(await asyncio.to_thread(one.output, request.query_params.get("module", "")))
 
@@ -146,17 +146,20 @@ class ApplicationsPage:
     # Changing --------------------------------------------------------------------------------------------------------
 
     async def _change(
-        self, work: Callable[[Controlled, bytes], Awaitable[Response]], one: Controlled, request: Request
+        self,
+        work: Callable[[ControlledApplication, bytes], Awaitable[Response]],
+        one: ControlledApplication,
+        request: Request,
     ) -> Response:
         body = await read_body(request, self._access, MAX_BODY)
         return body if isinstance(body, Response) else await work(one, body)
 
-    async def check(self, one: Controlled, body: bytes) -> Response:
+    async def check(self, one: ControlledApplication, body: bytes) -> Response:
         """Return the view of an application with changes, which are not saved."""
         document = parse_document(body)
         return await self._view(lambda: view_of(one.path, one.variables, document, one.network()))
 
-    async def rate(self, one: Controlled, body: bytes) -> Response:
+    async def rate(self, one: ControlledApplication, body: bytes) -> Response:
         """Measure the rate of a connection, and return it."""
         keys = _chosen(body).connections or ()
         if len(keys) != 1:
@@ -164,14 +167,16 @@ class ApplicationsPage:
         async with self._measuring:
             return _json(await asyncio.to_thread(one.rate, keys[0]))
 
-    async def save(self, one: Controlled, body: bytes) -> Response:
+    async def save(self, one: ControlledApplication, body: bytes) -> Response:
         """Write the file, and return it as :meth:`document`."""
         document = parse_document(body)
         await asyncio.to_thread(one.save, document)
         return await self._view(lambda: view_of(one.path, one.variables, None, one.network()))
 
 
-async def _control(work: Callable[[Controlled, Chosen], None], one: Controlled, body: bytes) -> Response:
+async def _control(
+    work: Callable[[ControlledApplication, Chosen], None], one: ControlledApplication, body: bytes
+) -> Response:
     await asyncio.to_thread(work, one, _chosen(body))
     return _json({}, 202)
 
@@ -187,14 +192,16 @@ def _json(value: object, status: int = 200) -> Response:
     return Response(ENCODER.encode(value), status, media_type="application/json")
 
 
-def make_application(applications: Sequence[Controlled], access: Access) -> ASGIApp:
+def make_application(applications: Sequence[ControlledApplication], access: Access) -> ASGIApp:
     """Return the application of the page, behind its guard."""
     page = ApplicationsPage(applications, access)
     return Guard(Router(page.routes(), redirect_slashes=False), access, log="the output of the program")
 
 
 @contextmanager
-def serve_applications(applications: Sequence[Controlled], host: str, port: int, token: str) -> Iterator[str]:
+def serve_applications(
+    applications: Sequence[ControlledApplication], host: str, port: int, token: str
+) -> Iterator[str]:
     """Serve the page of applications while the block runs, and give its address with the token."""
     with serve(partial(make_application, applications), host, port, token) as address:
         yield f"{address}#token={token}"

@@ -162,6 +162,8 @@ class RunServer:
         except BaseException:
             self._children.close(0.0)
             self._windows.close(0.0)
+            if record is not None:
+                record.close()
             raise
         finally:
             self._ready.set()

@@ -7,13 +7,16 @@ from typing import TYPE_CHECKING
 import msgspec
 import pytest
 
-from lab import LabOffice, module, needs, shell
+from lab import LabFactory, module, needs, shell
 from rtf.applications.errors import ApplicationError
 from rtf.applications.happenings import Kind
-from rtf.applications.page.control import Controlled
+from rtf.applications.page.control import ControlledApplication
 from rtf.applications.page.document import read_document
+from rtf.applications.run.client import RunClient
+from rtf.applications.run.protocol import Start
 from rtf.applications.run.server import RunServer
 from rtf.applications.session import Session
+from rtf.applications.xml.reader import read_application
 from rtf.middleware.ports.buffered import BufferedPort
 from waiting import eventually
 
@@ -30,8 +33,8 @@ class Bench:
     def __init__(self, folder: Path, content: str) -> None:
         self.path = folder / "lab.xml"
         self.path.write_text(f"<application><name>lab</name>{content}</application>")
-        self.office = LabOffice(folder)
-        self.controlled = Controlled(self.path, {}, self.office)
+        self.factory = LabFactory(folder)
+        self.controlled = ControlledApplication(self.path, {}, self.factory)
 
     def states(self) -> dict[str, str]:
         """The states of the modules, by tag."""
@@ -79,6 +82,22 @@ def test_modules_are_run_and_stopped(bench: Callable[[str], Bench], tmp_path: Pa
     assert "sleep 61 is killed" in lab.texts(Kind.STOPPED)
 
 
+def test_what_others_have_started_is_found_and_left(bench: Callable[[str], Bench]):
+    """When the page ends it stops only what it has started itself."""
+    lab = bench(module("sleep", "60", node="pc1") + module("sleep", "61", node="pc1"))
+    lab.controlled.close()
+    with RunServer("/pc1", network=lab.factory.network):
+        loaded = read_application(lab.path)
+        client = RunClient("/pc1", network=lab.factory.network)
+        client.start(Start(loaded.application.modules[0].tag, "sleep 60"))
+        lab.controlled = ControlledApplication(lab.path, {}, lab.factory)
+        lab.has(**{":pc1sleep600": "running", ":pc1sleep610": "stopped"})
+        lab.controlled.run({":pc1sleep610"})
+        lab.has(**{":pc1sleep600": "running", ":pc1sleep610": "running"})
+        lab.controlled.close()
+        assert [row.tag for row in client.running()] == [":pc1sleep600"]
+
+
 def test_a_waiting_module_can_be_stopped(bench: Callable[[str], Bench]):
     """It is no failure that it did not get its port."""
     lab = bench(module("sleep", "60", needs("/never")))
@@ -93,7 +112,7 @@ def test_connections_are_made_and_ended(bench: Callable[[str], Bench]):
     """Whether something runs or not; ports that are not open are apart."""
     lab = bench(CONNECTION)
     eventually(lambda: lab.controlled.status().connections == {"/a /b": "no port"}, "it is not looked at")
-    network = lab.office.network
+    network = lab.factory.network
     with BufferedPort("/a", network=network), BufferedPort("/b", network=network):
         lab.controlled.connect(None)
         eventually(lambda: lab.controlled.status().connections == {"/a /b": "connected"}, "it is not connected")
@@ -105,7 +124,7 @@ def test_connections_are_made_and_ended(bench: Callable[[str], Bench]):
 def test_loads_of_nodes_are_shown(bench: Callable[[str], Bench]):
     """Those of this machine, of a node, and why one does not answer."""
     lab = bench(module("sleep", "60") + module("sleep", "61", node="pc1") + module("sleep", "62", node="gone"))
-    with RunServer("/pc1", network=lab.office.network):
+    with RunServer("/pc1", network=lab.factory.network):
         eventually(lambda: len(lab.controlled.status().nodes) == 3, "they are not asked")
         nodes = lab.controlled.status().nodes
         assert nodes["localhost"]["cores"] == nodes["pc1"]["cores"]

@@ -9,9 +9,9 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from lab import LabOffice
+from lab import LabFactory
 from live_page import Page
-from rtf.applications.page.control import Controlled
+from rtf.applications.page.control import ControlledApplication
 from rtf.applications.page.web import MAX_BODY, serve_applications
 from waiting import eventually
 
@@ -66,7 +66,7 @@ def client(folder: Path) -> Iterator[Client]:
     """The page of the application."""
     (folder / "lab.xml").write_text(LAB)
     with (
-        closing(Controlled(folder / "lab.xml", {}, LabOffice(folder))) as controlled,
+        closing(ControlledApplication(folder / "lab.xml", {}, LabFactory(folder))) as controlled,
         serve_applications([controlled], "127.0.0.1", 0, TOKEN) as address,
     ):
         place = urlsplit(address)

@@ -13,6 +13,7 @@ from rtf.applications.run.errors import RunError
 from rtf.applications.run.protocol import Start
 from rtf.applications.run.record import NodeRecord, record_path
 from rtf.applications.run.server import RunServer
+from rtf.middleware.errors import MiddlewareError
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.buffered import BufferedPort
 from rtf.middleware.ports.network import Network
@@ -51,6 +52,15 @@ def test_second_node(tmp_path: Path):
         NodeRecord(path)
     first.close()
     NodeRecord(path).close()
+
+
+def test_node_that_cannot_open_releases_its_record(tmp_path: Path):
+    """The next one of the name is not refused for it."""
+    path = tmp_path / "node.json"
+    network = Network(LocalNames())
+    for _ in range(2):
+        with pytest.raises(MiddlewareError, match="cannot be registered"):
+            RunServer("/no name", network=network, record=NodeRecord(path))
 
 
 def test_process_with_the_mark_of_an_earlier_node(tmp_path: Path):
