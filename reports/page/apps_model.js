@@ -47,7 +47,7 @@ function linksOf(content, view) {
     return { ...found, id: one.id, name: one.id };
   });
   const embedded = view.connections.filter((one) => !one.id);
-  return [...links, ...embedded.map((one, index) => ({ ...one, name: `embedded ${index}` }))];
+  return [...links, ...embedded.map((one, index) => ({ ...one, name: `embedded link ${index}` }))];
 }
 
 /** Boxes for ports that no module opens, one for each first word of their names. */

@@ -179,6 +179,25 @@ def test_an_application_is_built_by_keyboard(lab: Callable[[str], Lab], visit: A
     expect(box(page, "sleep")).to_have_count(1)
 
 
+def test_embedded_applications_are_run_and_not_edited(lab: Callable[[str], Lab], visit: Any, tmp_path: Path):
+    """Their boxes have states, too; what is theirs cannot be changed or removed here."""
+    (tmp_path / "inner.xml").write_text(
+        "<application><name>inner</name><module><name>sleep</name><parameters>60</parameters></module>"
+        "<connection><from>/a</from><to>/ears/in</to></connection></application>"
+    )
+    inner = "<application><name>inner.xml</name></application>"
+    page = visit(lab(f"<application><name>lab</name>{inner}</application>").address)
+    page.get_by_role("button", name="sleep", exact=True).click()
+    properties = page.get_by_role("complementary", name="Properties")
+    expect(properties.get_by_text("inner.xml")).to_be_visible()
+    expect(properties.get_by_role("textbox")).to_have_count(0)
+    page.get_by_role("button", name="Run 1").click()
+    expect(box(page, "sleep 60")).to_have_attribute("data-tone", "good")
+    page.get_by_role("region", name="Graph", exact=True).press("Delete")
+    expect(page.get_by_role("button", name="Undo")).to_be_disabled()
+    expect(box(page, "sleep 60")).to_have_count(1)
+
+
 def test_hostile_names_are_texts(lab: Callable[[str], Lab], visit: Any):
     """Names of programs, nodes and ports, and what programs write, are never markup."""
     content = (
