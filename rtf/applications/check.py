@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from rtf.applications.connections import read_qos
 from rtf.applications.deployers import LocalDeployer, find_deployer, is_local, program_of
 from rtf.applications.errors import ApplicationError
-from rtf.applications.ports import Order, ports_of
+from rtf.applications.ports import Order, beginnings, ports_of
 from rtf.applications.run.client import RunClient
 from rtf.applications.run.protocol import split_words
 from rtf.applications.substitutions import is_there, substitute, table_of
@@ -188,8 +188,10 @@ class _Check:
         """Find ports that nobody opens. A program of which nothing is known could open any."""
         known = all(one.described or one.stem for one in self._ports)
         tell = self._problems.error if all(self._descriptions) else self._problems.warning
+        described = {port for one in self._ports for port in one.described}
+        stems = {one.stem for one in self._ports}
         for port, external in self._mentioned():
-            if any(ports.opens(port) for ports in self._ports) or self._exists(port):
+            if port in described or not stems.isdisjoint(beginnings(port)) or self._exists(port):
                 continue
             if external and self._network is not None:
                 self._problems.error(f"the external port {port} is not open", port.location, "start its program")

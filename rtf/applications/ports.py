@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from rtf.applications.xml.model import Application, Channel, Description, Module
 
 
+#: The most words of a name that are looked at.
+_MOST_WORDS = 16
+
+
 @dataclass(frozen=True, slots=True)
 class OpenedPorts:
     """The ports of a module: those described, with their kind (input, output, server, client), and the begin of others.
@@ -32,6 +36,13 @@ class OpenedPorts:
     def opens(self, port: str) -> bool:
         """Return whether the module opens a port, as far as is known."""
         return port in self.described or (bool(self.stem) and f"{port}/".startswith(f"{self.stem}/"))
+
+
+def beginnings(port: str) -> Iterator[str]:
+    """Yield a port's name, and the names that it is below: ``/a/b/c``, ``/a/b``, ``/a``; of a very long one some."""
+    yield port
+    words = port.split("/", _MOST_WORDS)
+    yield from ("/".join(words[:end]) for end in range(len(words) - 1, 1, -1))
 
 
 def ports_of(module: Module, description: Description | None) -> OpenedPorts:

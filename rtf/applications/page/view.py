@@ -5,6 +5,7 @@ Variables are replaced, and what is embedded is there, too, without the ids of w
 
 from __future__ import annotations
 
+from collections import defaultdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ import msgspec
 
 from rtf.applications.check import check_application
 from rtf.applications.page.document import Document, edited, ids_of, places, read_document
-from rtf.applications.ports import ports_of
+from rtf.applications.ports import beginnings, ports_of
 from rtf.applications.xml.descriptions import find_description, read_description
 from rtf.applications.xml.reader import read_application
 from rtf.applications.xml.tree import parse_tree
@@ -147,18 +148,23 @@ def _modules(application: Application, by_place: Mapping[Location, str]) -> Iter
         )
 
 
-def _used(application: Application) -> Mapping[str, str]:
-    """Return the kinds of the ports that connections and dependencies name."""
-    found = {str(one.port): "server" for module in application.modules for one in module.dependencies}
-    found |= {str(one.target.port): "input" for one in application.connections}
-    return found | {str(one.source.port): "output" for one in application.connections}
+def _used(application: Application) -> Mapping[str, list[tuple[str, str]]]:
+    """Return the ports that connections and dependencies name, with their kinds, by all beginnings of their names."""
+    kinds = {str(one.port): "server" for module in application.modules for one in module.dependencies}
+    kinds |= {str(one.target.port): "input" for one in application.connections}
+    kinds |= {str(one.source.port): "output" for one in application.connections}
+    found: dict[str, list[tuple[str, str]]] = defaultdict(list)
+    for name, kind in kinds.items():
+        for stem in beginnings(name):
+            found[stem].append((name, kind))
+    return found
 
 
-def _ports(opened: OpenedPorts, used: Mapping[str, str]) -> Iterator[PortView]:
+def _ports(opened: OpenedPorts, used: Mapping[str, list[tuple[str, str]]]) -> Iterator[PortView]:
     for name, (kind, channel) in opened.described.items():
         yield PortView(name, kind, channel.type, channel.required)
-    for name, kind in used.items():
-        if name not in opened.described and opened.opens(name):
+    for name, kind in used.get(opened.stem, ()) if opened.stem else ():
+        if name not in opened.described:
             yield PortView(name, kind, described=False)
 
 
