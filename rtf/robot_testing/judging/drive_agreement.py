@@ -39,7 +39,7 @@ _LASTING, _FOLLOWS = 0.15, 0.3
 _WAY = 5.0
 #: Two motors are exchanged if each turns with the duty cycle of the other one for this share of the states in which it
 #: turns clearly, deg/s of the joint; and the fewest of these.
-_EXCHANGED, _CLEARLY, _FEWEST = 0.9, 10.0, 8
+_EXCHANGED, _CLEARLY, _FEWEST = 0.8, 10.0, 8
 #: Who stops to follow later than the first one by this time, s, is not accused.
 _LATER = 0.1
 
@@ -78,6 +78,8 @@ def drive_evidence(drive: Drive, names: Sequence[str], suspects: Collection[int]
         of_motors, of_joints = [one for one in group if one in motors], [one for one in group if one in joints]
         by_motor = len(group) == 1 or len(of_motors) < len(of_joints) or not of_joints
         if not {*group}.isdisjoint(suspects) and (of_motors or of_joints):
+            if (inverted := _first_against(drive, turning, group)) is not None:
+                return [_motor(drive, inverted, names)]
             if by_motor:
                 return [_motor(drive, one, names) for one in of_motors]
             return [_joint(one, names, float(_recent(drive, efforts)[one])) for one in of_joints]
@@ -120,6 +122,18 @@ def _exchanged(motors: Mapping[int, float], duties: FloatArray, turning: FloatAr
             if other != motor and min(shares) > max(best, own):
                 best, found = min(shares), (min(motor, other), max(motor, other))
     return found
+
+
+def _first_against(drive: Drive, turning: FloatArray, group: Sequence[int]) -> int | None:
+    """Return the motor of a group that first turned clearly against a large duty cycle, and still does; None if none.
+
+    Those that it drags follow later. A joint that is thrown or braked turns so for a moment only.
+    """
+    against = (np.abs(drive.duties) >= _LARGE) & (turning * np.sign(drive.duties) <= -_CLEARLY)
+    lasting = np.gradient(drive.time) @ against >= _LASTING
+    found = [motor for motor in group if lasting[motor]]
+    first = min(found, key=lambda motor: int(np.argmax(against[:, motor])), default=None)
+    return first if first is not None and _against(drive, first) else None
 
 
 def _turning_by(duty: FloatArray, speed: FloatArray) -> int:

@@ -67,7 +67,8 @@ def judge(case: Case, result: TestResult | None) -> JudgedCase:
 
 def _judgement(case: Case, verdict: Verdict, problems: Sequence[Message]) -> Judgement:
     passed, expectation = verdict in _PASSED, case.expectation
-    if expectation is Expectation.OTHER and case.reason and not passed:
+    unable = expectation is Expectation.EXPECTED and verdict is Verdict.INCONCLUSIVE  # the reason says why
+    if unable or (expectation is Expectation.OTHER and case.reason and not passed):
         return Judgement.EXPECTED
     if verdict in _NO_STATEMENT:
         return Judgement.NOT_TESTED

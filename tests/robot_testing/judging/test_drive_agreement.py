@@ -59,6 +59,16 @@ def test_a_motor_that_gives_way_turns_against_its_duty_cycle():
     assert "two wires of the motor exchanged" in found.sentence
 
 
+def test_of_two_that_share_joints_the_first_to_turn_against_its_duty_cycle_is_found():
+    """It drags the other one along."""
+    duties, turns = STILL.copy(), STILL.copy()
+    duties[30:, 1], turns[30:, 1] = 100.0, -125.0
+    duties[50:, 2], turns[50:, 2] = -56.0, 125.0
+    (found,) = evidence(duties, turns)
+    assert (found.joints, found.strength) == ({1}, Strength.CERTAIN)
+    assert "turns against its duty cycle" in found.text
+
+
 @pytest.mark.parametrize(("duties", "joint"), [([0, 60, 60, 0], 1), ([0, -60, 60, 0], 2)])
 def test_a_joint_that_is_blocked_is_found_and_not_its_motors(duties, joint):
     """Its controller drives both of them, and neither turns."""
