@@ -147,9 +147,11 @@ class RobotTest(TestCase):
         """
         if isinstance(error, GuardError):
             return error.excuse
-        if not isinstance(error, StaleStateError) or isinstance(self.clock, LockstepClock):
-            return ""
-        return overload(self._cpu_pressure.share())
+        return self.busy() if isinstance(error, StaleStateError) else ""
+
+    def busy(self) -> str:
+        """Return why this machine was overloaded during the test; "" if it was not, and in lockstep, which waits."""
+        return "" if isinstance(self.clock, LockstepClock) else overload(self._cpu_pressure.share())
 
     def setup(self) -> None:
         """Connect to the robot and its clock, and ask for permission to move where it is needed."""

@@ -281,7 +281,9 @@ def test_a_command_that_its_mode_does_not_take_is_not_called_lost(tmp_path):
 def test_torque_control_that_is_not_reported_is_not_counted_against_a_board(tmp_path):
     """Its joints become compliant although it reports no torque control: that is a warning."""
     outcome, told = run(tmp_path, entry("modes", "ControlModes", joints="(0)", faults="false"))
-    assert outcome.verdict("modes") is Verdict.PASSED, outcome.detail("modes")
+    detail = outcome.detail("modes")
+    busy = "this machine is too busy" in detail
+    assert outcome.verdict("modes") is (Verdict.INCONCLUSIVE if busy else Verdict.PASSED), detail
     (warning,) = outcome.of(Message, severity=Severity.WARNING)
     assert "arm does not report which joints have torque control: torque mode is not tested" in warning.detail
     assert InteractionMode.COMPLIANT in {what for _, what, _ in told}
