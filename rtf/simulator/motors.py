@@ -130,6 +130,7 @@ class Motors:
         self._braking = braking
         #: The voltages that amplifiers which control their currents add to what a motor at rest needs.
         self._compensated = ~self._fed[:, None] * self._to_voltages
+        self._open = np.flatnonzero(~self._fed & (self._conductance == 0.0))  # their currents cannot be controlled
         self._upwards, self._downwards = one.upwards, one.downwards
         self._uneven = bool((one.upwards != 1.0).any() or (one.downwards != 1.0).any())
         blocked = self.supply * self._duty / FULL * self._conductance  # A
@@ -183,7 +184,7 @@ class Motors:
     def duties(self, powered: FloatArray) -> FloatArray:
         """Return the duty cycles that the amplifiers were told in the last step (per cent); 0 of those without power.
 
-        One that controls its current raises it until the current flows.
+        One that controls its current raises it until the current flows, and to the limit if none can.
         """
         demanded = self._demands @ self.wanted
         minimum(demanded, self._controlled[1], out=demanded)
@@ -192,6 +193,7 @@ class Motors:
         if self._uneven:
             shares = np.where(volts > 0.0, self._upwards, self._downwards)
             volts /= np.where(self._fed, 1.0, np.maximum(shares, 1.0 / FULL))
+        volts[self._open] = np.sign(demanded[self._open]) * self.supply[self._open]
         duties = volts * (FULL / self.supply)
         minimum(duties, self._duty, out=duties)
         maximum(duties, -self._duty, out=duties)

@@ -10,6 +10,7 @@ import pytest
 
 from icub import AXES, INDEX
 from rtf.robot.control_modes import ControlMode
+from rtf.simulator.motors import Windings
 
 from .rig import Rig
 
@@ -162,6 +163,24 @@ def test_a_motor_that_is_turned_too_fast_brakes():
     rig.run(0.008)
     assert rig.boards.motors.current[index] < 0.0
     assert abs(rig.data.qvel[dof]) < 2.0 * free
+
+
+def test_an_amplifier_whose_motor_is_cut_off_gives_its_whole_duty_cycle(rig: Rig):
+    """As it controls a current that cannot flow; one that sets a voltage shows what its controller wants."""
+    rig.run(0.2)
+    cut = [INDEX[KNEE], INDEX["neck_pitch"]]
+
+    def change(windings: Windings) -> None:
+        windings.conductances[cut] = 0.0
+
+    wanted = rig.boards.motor_duties()[cut]
+    rig.boards.motors.faults.append(change)
+    rig.boards.motors.refresh()
+    rig.run(0.001)
+    assert rig.boards.motors.current[cut].tolist() == [0.0, 0.0]
+    knee, neck = rig.boards.motor_duties()[cut]
+    assert knee == 100.0 * np.sign(wanted[0])
+    assert neck == pytest.approx(wanted[1], abs=1.0)
 
 
 def test_what_sensors_show_of_a_current(rig: Rig):
