@@ -52,13 +52,19 @@ class ApplicationsPage {
     }
   }
 
+  /** Save, with what is being typed. */
+  #save(tab, target) {
+    target.dispatchEvent(new Event("change"));
+    setTimeout(() => tab.save());
+  }
+
   #key(event) {
     const tab = this.tabs[this.list.shown];
     const typing = event.target.closest?.("input:not([type=checkbox]), dialog");
     if (!tab.model || document.querySelector("dialog[open]")) return;
     const key = event.key.toLowerCase();
     if (event.ctrlKey || event.metaKey) {
-      if (key === "s") tab.save();
+      if (key === "s") this.#save(tab, event.target);
       else if (typing) return;
       else if (key === "y" || (key === "z" && event.shiftKey)) tab.redo();
       else if (key === "z") tab.undo();

@@ -24,21 +24,22 @@ export class AppPanel {
     this.written = h("div", {}, h("h3", { text: "Output" }));
     this.output = h("pre", { class: "mono output", tabindex: 0, role: "region", "aria-label": "Output" });
     this.written.append(this.output);
-    this.element = h("aside", { class: "apps-panel", "aria-label": "Properties" });
+    this.problems = h("div");
+    this.element = h("aside", { class: "apps-panel", "aria-label": "Properties", on: { focusout: () => setTimeout(() => this.late && this.draw()) } });
     setInterval(() => this.#readOutput(), OUTPUT_PAUSE);
   }
 
-  /** Show the selection. An input that has the focus is left alone. */
+  /** Show the selection. While somebody types in a field of it, only the problems are new, and the rest follows. */
   draw() {
     const { model, selection } = this.page;
     const [key] = selection.size === 1 ? selection : [];
     const item = model.byKey.get(key) ?? model.links.find((link) => link.name === key);
-    const focus = document.activeElement;
-    const field = this.element.contains(focus) && item?.id && this.item?.id === item.id ? focus.name : "";
+    const typing = item?.id && item.id === this.item?.id && this.element.querySelector("input[type=text]:focus");
     if (item?.key !== this.item?.key || !item) this.#showOutput("");
     this.item = item;
-    fill(this.element, ...(item ? this.#one(item) : this.#several(selection)));
-    if (field) this.element.querySelector(`[name="${CSS.escape(field)}"]`)?.focus();
+    this.late = Boolean(typing);
+    fill(this.problems, this.#problems(item?.id));
+    if (!typing) fill(this.element, ...(item ? this.#one(item) : this.#several(selection)));
   }
 
   #several(selection) {
@@ -54,7 +55,7 @@ export class AppPanel {
     const editable = item.id && this.page.editable;
     return [
       free(isBox ? item.title : `${item.source} → ${item.target}`, "h2"), item.kind === "external" ? h("p", { class: "dim", text: "Ports that no program of this application opens." }) : h("p", {}, this.state, " ", this.reason),
-      this.#problems(item.id), isBox ? this.written : null,
+      this.problems, isBox ? this.written : null,
       editable ? this.#fields(isBox ? MODULE : CONNECTION, isBox ? document.module(item.id) : document.connection(item.id), isBox) : this.#facts(item, isBox),
       editable ? this.#removeButton() : null,
       isBox ? null : this.#rate(item),
@@ -64,9 +65,12 @@ export class AppPanel {
   }
 
   #fields(names, texts, isBox) {
-    const set = (fields) => (isBox ? this.page.edit((document) => document.setModule(texts.id, fields)) : this.page.edit((document) => document.setConnection(texts.id, fields)));
+    const found = () => (isBox ? this.page.document.module(texts.id) : this.page.document.connection(texts.id));
+    const edit = (fields) => this.page.edit((document) => (isBox ? document.setModule(texts.id, fields) : document.setConnection(texts.id, fields)));
+    // The event comes before the focus has moved to the next field, which must not be drawn again until then.
+    const set = (name, value) => setTimeout(() => found() && (found()[name] ?? "") !== value && edit({ [name]: value }));
     const fields = names.map(([name, label]) => {
-      const input = h("input", { type: "text", name, autocomplete: "off", spellcheck: "false", list: name === "protocol" ? "carriers" : null, on: { change: () => set({ [name]: input.value }) } });
+      const input = h("input", { type: "text", name, autocomplete: "off", spellcheck: "false", list: name === "protocol" ? "carriers" : null, on: { change: () => set(name, input.value) } });
       input.value = texts[name] ?? "";
       return h("label", { class: "field" }, h("span", { text: label }), input);
     });
@@ -75,7 +79,7 @@ export class AppPanel {
   }
 
   #check(name, label, texts, set) {
-    const box = h("input", { type: "checkbox", name, on: { change: () => set({ [name]: box.checked }) } });
+    const box = h("input", { type: "checkbox", name, on: { change: () => set(name, box.checked) } });
     box.checked = Boolean(texts[name]);
     return h("label", { class: "check" }, box, ` ${label}`);
   }

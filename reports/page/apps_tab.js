@@ -185,12 +185,13 @@ export class AppTab {
     if (!this.document.changed) return;
     clearTimeout(this.#timer);
     try {
-      const { document, view } = await this.server.post(`${this.place}/save`, this.document.content);
-      this.document = new AppDocument(document);
-      this.view = view;
+      const saved = await this.server.post(`${this.place}/save`, this.document.content);
+      this.document = new AppDocument(saved.document);
+      this.view = saved.view;
       this.selection.clear();
       this.#tell("", "refused");
       this.#draw();
+      if (document.activeElement === document.body) this.graph.element.focus();
       this.say("saved");
     } catch (error) {
       this.fail(error);
