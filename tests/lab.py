@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtf.applications.deployers import Surroundings
-from rtf.applications.happenings import Happening, Kind, State
+from rtf.applications.deployers import DeployerContext
+from rtf.applications.events import Event, Kind, State
 from rtf.applications.manager import Manager
 from rtf.applications.session import Session, holder
 from rtf.applications.xml.reader import read_application
@@ -19,7 +19,7 @@ from rtf.middleware.ports.network import Network
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rtf.applications.happenings import Say
+    from rtf.applications.events import Say
     from rtf.applications.xml.model import Application
 
 
@@ -56,7 +56,7 @@ class Lab:
 
     network: Network
     manager: Manager
-    said: list[Happening] = field(default_factory=list)
+    said: list[Event] = field(default_factory=list)
 
     def texts(self, kind: Kind) -> list[str]:
         """What happened of this kind, without the folder of Python."""
@@ -68,11 +68,11 @@ class Lab:
 
 
 @contextmanager
-def lab(app: Application, network: Network | None = None, **surroundings: object) -> Iterator[Lab]:
+def lab(app: Application, network: Network | None = None, **context: object) -> Iterator[Lab]:
     """Make a manager; afterwards all modules are stopped."""
     network = network or Network(LocalNames())
-    said: list[Happening] = []
-    around = Surroundings(network, network, "/app/lab", **surroundings)  # type: ignore[arg-type]
+    said: list[Event] = []
+    around = DeployerContext(network, network, "/app/lab", **context)  # type: ignore[arg-type]
     with Manager(app, around, said.append, patience=5.0) as manager:
         yield Lab(network, manager, said)
         manager.stop()
@@ -95,7 +95,7 @@ class LabFactory:
 
     def manager(self, application: Application, said: Say, *, attached: bool = False) -> Manager:
         """Make the manager of an application."""
-        around = Surroundings(self.network, self.network, "/app/page", attached=attached)
+        around = DeployerContext(self.network, self.network, "/app/page", attached=attached)
         return Manager(application, around, said, patience=5.0)
 
     def _path(self, application: Application) -> Path:

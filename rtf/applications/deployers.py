@@ -41,7 +41,7 @@ _OTHER = re.compile(r"[^0-9A-Za-z]")
 
 
 @dataclass(frozen=True, slots=True)
-class Surroundings:
+class DeployerContext:
     """What all deployers of an application share.
 
     ``local`` is the network for the own node ``own_name``, ``record`` opens what an earlier one has left. With ``hold``
@@ -66,9 +66,9 @@ class Deployer(ABC):
     All raise RtfError with the place and the reason.
     """
 
-    def __init__(self, place: str, surroundings: Surroundings) -> None:
+    def __init__(self, place: str, context: DeployerContext) -> None:
         self.place = place
-        self.surroundings = surroundings
+        self.context = context
 
     @abstractmethod
     def start(self, request: Start) -> int:
@@ -97,12 +97,12 @@ class Deployer(ABC):
 class NodeDeployer(Deployer):
     """Runs modules on a node, ours or YARP's, that has been started there."""
 
-    def __init__(self, place: str, surroundings: Surroundings) -> None:
-        super().__init__(place, surroundings)
+    def __init__(self, place: str, context: DeployerContext) -> None:
+        super().__init__(place, context)
         self.place = place if place.startswith("/") else f"/{place}"
 
     def _client(self, timeout: float) -> RunClient:
-        return RunClient(self.place, network=self.surroundings.network, timeout=timeout)
+        return RunClient(self.place, network=self.context.network, timeout=timeout)
 
     def start(self, request: Start) -> int:
         reply = self._client(10.0).start(replace(request, on=self.place if request.stdio else ""))
@@ -137,17 +137,17 @@ class NodeDeployer(Deployer):
 class LocalDeployer(NodeDeployer):
     """Runs modules on this machine: its node is part of this process, and is asked without the network."""
 
-    def __init__(self, place: str, surroundings: Surroundings) -> None:
-        super().__init__(place, surroundings)
-        self.place = surroundings.own_name
+    def __init__(self, place: str, context: DeployerContext) -> None:
+        super().__init__(place, context)
+        self.place = context.own_name
         self._server: RunServer | None = None
-        if not surroundings.attached:
+        if not context.attached:
             self._opening = True
             self._server = RunServer(
-                surroundings.own_name,
-                network=surroundings.local,
-                log=surroundings.log,
-                record=surroundings.record(),
+                context.own_name,
+                network=context.local,
+                log=context.log,
+                record=context.record(),
                 said=self._say,
             )
             self._opening = False
@@ -155,12 +155,12 @@ class LocalDeployer(NodeDeployer):
     def _say(self, text: str) -> None:
         """Pass on what is done with programs that were left; the manager itself reports all else."""
         if self._opening:
-            self.surroundings.told(text)
+            self.context.told(text)
 
     def _client(self, timeout: float) -> RunClient:
         if self._server is None:
             return super()._client(timeout)
-        return _OwnNode(self._server, self.surroundings.local, timeout)
+        return _OwnNode(self._server, self.context.local, timeout)
 
     def close(self) -> None:
         if self._server is not None:
@@ -213,7 +213,7 @@ def find_deployer(module: Module, beside: Path) -> type[Deployer]:
         raise DeployerError(f"the deployer {name!r}: {error}") from None
 
 
-def request_of(module: Module, surroundings: Surroundings) -> Start:
+def request_of(module: Module, context: DeployerContext) -> Start:
     """Return the request by which a node starts a module."""
     first = PREFIXES.get(module.deployer, "")
     variables = [str(module.environment)] if module.environment else []
@@ -228,6 +228,6 @@ def request_of(module: Module, surroundings: Surroundings) -> Start:
         directory=module.workdir,
         environment=";".join(variables),
         stdio=module.stdio,
-        hold=surroundings.hold,
-        log=surroundings.log,
+        hold=context.hold,
+        log=context.log,
     )

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 from rtf.applications import connections
 from rtf.applications.connections import Link
-from rtf.applications.happenings import Happening, Kind
+from rtf.applications.events import Event, Kind
 from rtf.middleware.errors import MiddlewareError, NameServerError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from rtf.applications.happenings import Say
+    from rtf.applications.events import Say
     from rtf.applications.xml.model import Connection
     from rtf.middleware.ports.network import Network
 
@@ -104,4 +104,4 @@ class Links:
             self._make(last=False)
 
     def _say(self, kind: Kind, text: str) -> None:
-        self._said(Happening(kind, text))
+        self._said(Event(kind, text))

@@ -13,7 +13,7 @@ from rtf import clock
 from rtf.applications import connections
 from rtf.applications.deployers import LocalDeployer, find_deployer, request_of
 from rtf.applications.errors import ApplicationError
-from rtf.applications.happenings import Happening, Kind, State, Unit
+from rtf.applications.events import Event, Kind, State, Unit
 from rtf.applications.links import Links
 from rtf.applications.ports import Order, ports_of
 from rtf.applications.run.output import printable
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from types import TracebackType
 
-    from rtf.applications.deployers import Deployer, Surroundings
-    from rtf.applications.happenings import Say
+    from rtf.applications.deployers import Deployer, DeployerContext
+    from rtf.applications.events import Say
     from rtf.applications.run.protocol import Ending
     from rtf.applications.substitutions import Entry
     from rtf.applications.xml.model import Application, Module
@@ -59,14 +59,14 @@ class Manager:
     def __init__(
         self,
         application: Application,
-        surroundings: Surroundings,
+        context: DeployerContext,
         said: Say = lambda _: None,
         *,
         patience: float = PATIENCE,
     ) -> None:
         self.application = application
-        self._surroundings = surroundings
-        self._network = surroundings.network
+        self._surroundings = context
+        self._network = context.network
         self._said = said
         self._patience = patience
         self._ending = threading.Event()
@@ -108,7 +108,7 @@ class Manager:
         return ThreadPoolExecutor(2 * len(self.application.modules) + 2, "rtf-app")
 
     def _say(self, kind: Kind, text: str, module: Module | None = None, ending: Ending | None = None) -> None:
-        self._said(Happening(kind, printable(text), "" if module is None else module.tag, ending))
+        self._said(Event(kind, printable(text), "" if module is None else module.tag, ending))
 
     def _fail(self, unit: Unit, reason: str, did: str = "is not up") -> None:
         unit.state, unit.reason = State.FAILED, reason

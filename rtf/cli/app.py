@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable, Iterable, Sequence
 
-    from rtf.applications.happenings import Happening, Say
+    from rtf.applications.events import Event, Say
     from rtf.applications.links import Links
     from rtf.applications.manager import Manager
     from rtf.applications.xml.model import Application
@@ -192,8 +192,8 @@ def make_manager(
     import re
     import socket
 
-    from rtf.applications.deployers import Surroundings
-    from rtf.applications.happenings import Happening, Kind
+    from rtf.applications.deployers import DeployerContext
+    from rtf.applications.events import Event, Kind
     from rtf.applications.manager import PATIENCE, Manager
     from rtf.applications.run.record import NodeRecord
     from rtf.cli.network.options import make_network
@@ -201,7 +201,7 @@ def make_manager(
 
     tell = said or _tell
     word = re.sub(r"[^0-9A-Za-z._-]", "_", application.name)
-    surroundings = Surroundings(
+    context = DeployerContext(
         make_network(),
         find_network({**os.environ, "YARP_IP": "127.0.0.1"}),
         f"/app/{word}/{socket.gethostname()}",
@@ -209,15 +209,15 @@ def make_manager(
         hold=hold,
         log=log,
         attached=attached,
-        told=lambda text: tell(Happening(Kind.FOUND, text)),
+        told=lambda text: tell(Event(Kind.FOUND, text)),
     )
-    return Manager(application, surroundings, tell, patience=PATIENCE if patience is None else patience)
+    return Manager(application, context, tell, patience=PATIENCE if patience is None else patience)
 
 
-def _tell(happening: Happening) -> None:
-    from rtf.applications.happenings import Kind
+def _tell(event: Event) -> None:
+    from rtf.applications.events import Kind
 
-    _say(happening.text, wrong=happening.kind in (Kind.FAILED, Kind.LOST))
+    _say(event.text, wrong=event.kind in (Kind.FAILED, Kind.LOST))
 
 
 def _say(text: str, *, wrong: bool = False) -> None:
@@ -381,7 +381,7 @@ def status(words: Sequence[str]) -> ExitCode:
     """Print how the modules and connections of an application are."""
     from rtf.applications.connections import Link
     from rtf.applications.errors import TakenError
-    from rtf.applications.happenings import State
+    from rtf.applications.events import State
     from rtf.applications.session import Session
     from rtf.cli.network.terminal import opened, say
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Sequence
 
-    from rtf.applications.happenings import Say
+    from rtf.applications.events import Say
     from rtf.applications.manager import Manager
     from rtf.applications.session import Session
     from rtf.applications.xml.model import Application

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf import clock
-from rtf.applications.deployers import Surroundings
+from rtf.applications.deployers import DeployerContext
 from rtf.applications.errors import ApplicationError
-from rtf.applications.happenings import Kind
+from rtf.applications.events import Kind
 from rtf.applications.manager import Manager
 from rtf.applications.run.client import RunClient
 from rtf.applications.xml.reader import read_application
@@ -34,7 +34,7 @@ from rtf.testing.plugins import shipped_folder
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rtf.applications.happenings import Happening
+    from rtf.applications.events import Event
 
 _NODES = ("/pc1", "/pc2")
 #: The program that is killed, as in chain.xml.
@@ -99,16 +99,16 @@ def _watch_chain(network: Network) -> list[str]:
     """Start the application, kill a program, and stop; return what happened."""
     file = shipped_folder("suites") / "demo" / "chain" / "chain.xml"
     loaded = read_application(file, {"folder": str(file.parent)})
-    told: list[Happening] = []
+    told: list[Event] = []
     connected = threading.Event()
 
-    def hear(happening: Happening) -> None:
-        told.append(happening)
-        if happening.kind is Kind.CONNECTED and any(one.kind is Kind.RESTARTED for one in told):
+    def hear(event: Event) -> None:
+        told.append(event)
+        if event.kind is Kind.CONNECTED and any(one.kind is Kind.RESTARTED for one in told):
             connected.set()
 
     began = clock.monotonic()
-    with Manager(loaded.application, Surroundings(network, network, "/app/chain"), hear) as manager:
+    with Manager(loaded.application, DeployerContext(network, network, "/app/chain"), hear) as manager:
         if not manager.start():
             raise ApplicationError("; ".join(one.text for one in told if one.kind is Kind.FAILED))
         up = clock.monotonic() - began

@@ -17,7 +17,7 @@ from lab import application, lab, module, needs, shell
 from rtf import clock
 from rtf.applications.connections import Link
 from rtf.applications.errors import ApplicationError
-from rtf.applications.happenings import Kind, State
+from rtf.applications.events import Kind, State
 from rtf.applications.run.members import look_at
 from rtf.applications.run.server import RunServer
 from rtf.bottle import Bottle

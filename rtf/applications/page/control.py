@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from rtf import clock
 from rtf.applications.errors import ApplicationError
-from rtf.applications.happenings import Happening, Kind, State
+from rtf.applications.events import Event, Kind, State
 from rtf.applications.links import Links
 from rtf.applications.manager import LOOK
 from rtf.applications.page.document import save
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
     from pathlib import Path
 
-    from rtf.applications.happenings import Say, Unit
+    from rtf.applications.events import Say, Unit
     from rtf.applications.manager import Manager
     from rtf.applications.page.document import Document
     from rtf.applications.page.rate import Rate
@@ -68,7 +68,7 @@ class Factory(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class NumberedHappening:
+class NumberedEvent:
     """Something that happened, by its number and the seconds since 1970."""
 
     number: int
@@ -90,7 +90,7 @@ class Status:
     modules: Mapping[str, tuple[str, int, str]]
     connections: Mapping[str, str]
     nodes: Mapping[str, Mapping[str, object]]
-    happened: Sequence[NumberedHappening]
+    happened: Sequence[NumberedEvent]
 
 
 class ControlledApplication:
@@ -109,7 +109,7 @@ class ControlledApplication:
         self._saved = False
         self._begun: set[str] = set()  # tags of the modules that the page has started
         self._count = 0
-        self._happened: deque[NumberedHappening] = deque(maxlen=_KEPT)
+        self._happened: deque[NumberedEvent] = deque(maxlen=_KEPT)
         self._before: dict[str, tuple[str, int, str]] = {}  # how modules ended, by tag
         self._linked: dict[str, str] = {}
         self._asked = clock.monotonic()
@@ -127,10 +127,10 @@ class ControlledApplication:
         self._has_errors = loaded.has_errors
         return loaded.application
 
-    def _say(self, happening: Happening) -> None:
+    def _say(self, event: Event) -> None:
         with self._telling:
             self._count += 1
-            self._happened.append(NumberedHappening(self._count, clock.now(), str(happening.kind), happening.text))
+            self._happened.append(NumberedEvent(self._count, clock.now(), str(event.kind), event.text))
 
     def network(self) -> Network | None:
         """Return the network if its names can be asked, for a check."""
@@ -239,7 +239,7 @@ class ControlledApplication:
             try:
                 work()
             except RtfError as error:
-                self._say(Happening(Kind.FAILED, str(error)))
+                self._say(Event(Kind.FAILED, str(error)))
             finally:
                 with self._lock:
                     self._working -= 1
@@ -317,7 +317,7 @@ class ControlledApplication:
                     due = clock.monotonic() + _LOOK_FOR_OTHERS
                     self._watch_other()
             except RtfError as error:
-                self._say(Happening(Kind.FAILED, str(error)))
+                self._say(Event(Kind.FAILED, str(error)))
 
     def _find_left(self) -> None:
         """Take over modules that a manager has left running."""

@@ -9,7 +9,7 @@ import pytest
 
 from lab import LabFactory, module, needs, shell
 from rtf.applications.errors import ApplicationError
-from rtf.applications.happenings import Kind
+from rtf.applications.events import Kind
 from rtf.applications.page.control import ControlledApplication
 from rtf.applications.page.document import read_document
 from rtf.applications.run.client import RunClient

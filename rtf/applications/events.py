@@ -27,7 +27,7 @@ class State(StrEnum):
 
 
 class Kind(StrEnum):
-    """The kind of a happening."""
+    """The kind of an event."""
 
     SUBSTITUTED = "substituted"
     WAITING = "waiting"
@@ -43,7 +43,7 @@ class Kind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Happening:
+class Event:
     """Something that happened to an application: its kind, a sentence, the tag of the module, how its program ended."""
 
     kind: Kind
@@ -93,4 +93,4 @@ class Unit:
         return self.state not in (State.FAILED, State.MISSING) or self.optional
 
 
-Say: TypeAlias = Callable[[Happening], None]
+Say: TypeAlias = Callable[[Event], None]
