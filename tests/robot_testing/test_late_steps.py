@@ -36,6 +36,10 @@ class Judging(StepTest):
         """Keep the report."""
         self.reports += texts
 
+    def disturbed(self, part, joint):
+        """The part has no other joint."""
+        return ""
+
 
 @pytest.fixture
 def judging():
