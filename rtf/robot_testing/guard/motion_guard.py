@@ -42,6 +42,8 @@ if TYPE_CHECKING:
 
 _AT_REST = 1.0  # deg/s
 _TEMPERATURE_PERIOD = 1.0  # s between two readings of the temperatures
+#: Quantities of which too much means that a joint presses.
+_EFFORTS = frozenset({"current", "torque"})
 
 
 class MotionGuard(GuardedPart):
@@ -175,7 +177,7 @@ class MotionGuard(GuardedPart):
 
     def _watch_quantity(self, quantity: MonitoredQuantity, now: float) -> None:
         for wrong in quantity.check(now):
-            self._judge(wrong)
+            self._judge(wrong, effort=quantity.what in _EFFORTS)
 
     def coverage(self) -> str:
         """Return the table of what is watched."""
@@ -265,12 +267,21 @@ class MotionGuard(GuardedPart):
             return max(joints, key=lambda one: away[one])
         return otherwise
 
-    def _judge(self, wrong: Violation) -> None:
+    def _judge(self, wrong: Violation, *, effort: bool | None = None) -> None:
+        """Stop the first joint with a violation; raises GuardError.
+
+        With too much ``effort`` it is released, for a mere stop would let it press on, with those that share its
+        motors. So are these after any other violation of a quantity (``effort`` False): the blocked one may be theirs.
+        """
         found = [int(joint) for joint in np.flatnonzero(wrong.joints) if joint not in self.excluded]
-        if found:
-            joint = found[0]
-            text = f"{self.names[joint]} ({self.name} joint {joint}) {wrong.describe(joint)}; it was stopped"
-            self._stop([joint], text, joint)
+        if not found:
+            return
+        joint = found[0]
+        text = f"{self.names[joint]} ({self.name} joint {joint}) {wrong.describe(joint)}; it was stopped"
+        sharing = [one for one in self.coupled_with(joint) if one not in self.excluded]
+        if effort or (effort is not None and sharing):
+            self._stop([joint, *sharing], text, joint, self.reactions.release)
+        self._stop([joint], text, joint)
 
     def _stop(
         self,

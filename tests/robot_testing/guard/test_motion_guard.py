@@ -489,10 +489,20 @@ def test_a_joint_that_cannot_be_held_gets_no_power(bench: Bench):
     assert bench.device.control_modes(0) == (ControlMode.POSITION,)
 
 
+def test_a_joint_that_draws_too_much_loses_its_torque_before_it_is_held(bench: Bench):
+    """A mere stop would let it press on with what presses."""
+    guard = bench.guard()
+    bench.measure("currents", 1, 10.5)
+    with pytest.raises(GuardError, match=r"draws 10\.50 A, too much"):
+        guard.watch()
+    modes = [command for command in bench.device.commands if command.startswith("modes")]
+    assert modes[-2:] == ["modes ['idl', 'idl'] [1, 2]", "modes ['pos', 'pos'] [1, 2]"]  # they share motors
+
+
 def test_a_refused_stop_is_a_failure_too(bench: Bench):
     """The message has the violation and the refusal."""
     guard = bench.guard()
-    bench.device.refuses = frozenset({("stop", 1)})
+    bench.device.refuses = frozenset({("mode", 1)})
     bench.measure("currents", 1, 10.5)
     with pytest.raises(
         GuardError, match=r"draws 10\.50 A, too much: more than 10\.00 A; it could not be stopped: .*joints 1"
