@@ -373,17 +373,17 @@ class ControlModes(JointsTest):
             needed = {pair for pair in needed if ControlMode.TORQUE not in pair}
         left = needed - self.tested[joint]
         self.measure("requests tried", len(needed) - len(left))
-        late = self.slowest[joint] > self.change_time
+        busy = self.busy() if self.slowest[joint] > self.change_time else ""
         text = f"{name} shows a new mode after {self.slowest[joint]:.2f} s"
-        most = None if late and self.busy() else 1e3 * self.change_time
+        most = None if busy else 1e3 * self.change_time
         hint = f"{text}; {likely_causes('mode late')}"
         self.measure("slowest change", 1e3 * self.slowest[joint], "ms", high=most, hint=hint)
         more = f"; and {len(wrong) - _SHOWN} more" if len(wrong) > _SHOWN else ""
         hint = f"{name}: {'; '.join(wrong[:_SHOWN])}{more}; {likely_causes('mode')}"
         self.measure("wrong answers", len(wrong), high=0, hint=hint)
         self.assert_error_if_true(left and not wrong, f"{name}: {len(left)} requests could not be tried")
-        if most is None:
-            self.inconclusive(f"{text}; but {self.busy()}")
+        if busy:
+            self.inconclusive(f"{text}; but {busy}")
 
 
 #: Seconds between two checks of the modes; for which a new mode is watched; for which a joint is watched for motion.

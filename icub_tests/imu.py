@@ -14,7 +14,7 @@ from rtf.robot.interfaces import SensorCategory
 from rtf.robot.sensors.measurements import SENSOR_MESSAGE
 from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.guard.limits import GuardError
-from rtf.robot_testing.judging.blame import Evidence, Strength
+from rtf.robot_testing.judging.blame import Evidence
 from rtf.robot_testing.judging.kinematics import rotation_of, rotation_vector
 from rtf.robot_testing.judging.orientations import each_once, sure_turn, turns_of, vertical_turn
 from rtf.robot_testing.judging.robot_description import read_description
@@ -210,7 +210,7 @@ class Imu(StreamTest):
             return False
         if late:
             found = late_evidence(part, late)
-            complaint = Evidence(frozenset({joint}), late[joint], ("does not move",), strength=Strength.UNCERTAIN)
+            complaint = Evidence.uncertain(joint, late[joint], "does not move")
             self.judge_evidence(part, joint, complaint, found)
         return not late
 

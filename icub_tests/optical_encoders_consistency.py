@@ -9,7 +9,7 @@ import numpy as np
 
 from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.joints_test import JointsTest
-from rtf.robot_testing.judging.blame import Evidence, Strength, blame, settle
+from rtf.robot_testing.judging.blame import Evidence, blame, settle
 from rtf.robot_testing.judging.encoder_agreement import Motion, Tolerance, encoder_evidence
 from rtf.robot_testing.judging.robust_line import slopes_between
 from rtf.robot_testing.motion.joint_swings import JointSwinger, Outcome, ends_of
@@ -179,7 +179,7 @@ class OpticalEncodersConsistency(JointsTest):
         others = [one for one in self._causes if joint not in one.joints]
         if joint in self._disagreeing and len(others) == len(self._causes) > 0:
             text = f"{self.robot_part.names[joint]}: joint and motor encoder disagree"
-            settle(self, blame(joint, Evidence(frozenset({joint}), text, strength=Strength.UNCERTAIN), others))
+            settle(self, blame(joint, Evidence.uncertain(joint, text), others))
 
     def _routine(self, joint: int) -> Routine[None]:
         """Swing a joint while no other joint of its board moves, so that the motions of the motors can be separated."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import GuardError, RobotTest, Safety, delay_between, likely_causes
-from rtf.robot_testing.judging.blame import Evidence, Strength
+from rtf.robot_testing.judging.blame import Evidence
 from rtf.robot_testing.judging.checked_values import CheckedValue, judge_values
 from rtf.robot_testing.judging.real_time_checks import loop_delay
 from rtf.robot_testing.judging.sine import RampedSine, fit_sine
@@ -142,7 +142,7 @@ class PositionDirect(RobotTest):
         late = late_joints(part, self.chosen, self.middle)
         found = late_evidence(part, late) if late else []
         for joint, text in late.items():
-            complaint = Evidence(frozenset({joint}), text, ("does not move",), strength=Strength.UNCERTAIN)
+            complaint = Evidence.uncertain(joint, text, "does not move")
             self.judge_evidence(part, joint, complaint, found)
         left = [place for place, joint in enumerate(self.chosen) if joint not in late]
         self.chosen = [self.chosen[place] for place in left]

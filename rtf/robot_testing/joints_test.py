@@ -114,7 +114,7 @@ class JointsTest(RobotTest):
         wrong = accused(found)
         doubtful = [joint for joint in late if joint in self.chosen and joint not in wrong]
         for joint in doubtful:
-            complaint = Evidence(frozenset({joint}), late[joint], strength=Strength.UNCERTAIN)
+            complaint = Evidence.uncertain(joint, late[joint])
             self.judge_evidence(part, joint, complaint, found)
         self.chosen = [joint for joint in self.chosen if joint not in doubtful]
         tested = {joint: one.sentence for joint, one in wrong.items() if joint in self.chosen}

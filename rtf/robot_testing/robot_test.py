@@ -349,7 +349,7 @@ class RobotTest(TestCase):
             return False
         known = self._evidence.get(part.name, [])
         text = f"{part.names[joint]} was excluded and left without power"
-        complaint = Evidence(frozenset({joint}), text, ("stopped",), strength=Strength.UNCERTAIN)
+        complaint = Evidence.uncertain(joint, text, "stopped")
         if known:
             self.judge_evidence(part, joint, complaint, known)
         else:
@@ -493,7 +493,7 @@ def _complaint(joint: int, error: GuardError, findings: Sequence[str], during: s
     """Return the complaint about a joint because of a stop; one that was blocked has causes of its own."""
     causes = (error.finding,) if error.finding == "blocked" or not findings else tuple(findings)
     text = f"{during}: {error}" if during else str(error)
-    return Evidence(frozenset({joint}), text, causes, strength=Strength.UNCERTAIN, excuse=error.excuse)
+    return Evidence.uncertain(joint, text, *causes, excuse=error.excuse)
 
 
 #: Time for the first state of a board, s of the robot's clock: usually, and at most on a busy machine.

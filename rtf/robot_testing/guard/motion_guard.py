@@ -166,7 +166,7 @@ class MotionGuard(GuardedPart):
         press = self._joints and self._joints.check(self.excluded)
         if not press or self._joints is None:
             return
-        released = [press.joint, *(one for one in self.coupled_with(press.joint) if one not in self.excluded)]
+        released = self._with_sharing(press.joint)
         joint = self._joints.farthest(released)
         motor = (
             "" if joint == press.joint else f"stands still, and a motor that it shares with {self.names[press.joint]} "
@@ -176,8 +176,16 @@ class MotionGuard(GuardedPart):
         self._stop(released, text, joint, self.reactions.release, finding="blocked")
 
     def _watch_quantity(self, quantity: MonitoredQuantity, now: float) -> None:
+        """Stop the first joint with too much of a quantity; raises GuardError.
+
+        One that may press is released, as a mere stop would let it press on: with too much current or torque, or if it
+        shares motors with others, of which one may be blocked.
+        """
         for wrong in quantity.check(now):
-            self._judge(wrong, effort=quantity.what in _EFFORTS)
+            if (joint := self._first(wrong)) is not None:
+                joints = self._with_sharing(joint)
+                presses = quantity.what in _EFFORTS or len(joints) > 1
+                self._stop(joints, self._described(wrong, joint), joint, self.reactions.release if presses else None)
 
     def coverage(self) -> str:
         """Return the table of what is watched."""
@@ -267,21 +275,20 @@ class MotionGuard(GuardedPart):
             return max(joints, key=lambda one: away[one])
         return otherwise
 
-    def _judge(self, wrong: Violation, *, effort: bool | None = None) -> None:
-        """Stop the first joint with a violation; raises GuardError.
+    def _judge(self, wrong: Violation) -> None:
+        """Stop the first joint with a violation; raises GuardError."""
+        if (joint := self._first(wrong)) is not None:
+            self._stop([joint], self._described(wrong, joint), joint)
 
-        With too much ``effort`` it is released, for a mere stop would let it press on, with those that share its
-        motors. So are these after any other violation of a quantity (``effort`` False): the blocked one may be theirs.
-        """
-        found = [int(joint) for joint in np.flatnonzero(wrong.joints) if joint not in self.excluded]
-        if not found:
-            return
-        joint = found[0]
-        text = f"{self.names[joint]} ({self.name} joint {joint}) {wrong.describe(joint)}; it was stopped"
-        sharing = [one for one in self.coupled_with(joint) if one not in self.excluded]
-        if effort or (effort is not None and sharing):
-            self._stop([joint, *sharing], text, joint, self.reactions.release)
-        self._stop([joint], text, joint)
+    def _first(self, wrong: Violation) -> int | None:
+        return next((int(joint) for joint in np.flatnonzero(wrong.joints) if joint not in self.excluded), None)
+
+    def _described(self, wrong: Violation, joint: int) -> str:
+        return f"{self.names[joint]} ({self.name} joint {joint}) {wrong.describe(joint)}; it was stopped"
+
+    def _with_sharing(self, joint: int) -> list[int]:
+        """Return a joint and those that share its motors, without the excluded ones."""
+        return [joint, *(one for one in self.coupled_with(joint) if one not in self.excluded)]
 
     def _stop(
         self,

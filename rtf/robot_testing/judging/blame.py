@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, NoReturn, Self
 
 from rtf.robot_testing.judging.failure_causes import likely_causes
 
@@ -52,6 +52,11 @@ class Evidence:
     findings: tuple[str, ...] = ()
     strength: Strength = Strength.CERTAIN
     excuse: str = ""
+
+    @classmethod
+    def uncertain(cls, joint: int, text: str, *findings: str, excuse: str = "") -> Self:
+        """Return what speaks against a single joint, such as that it had to be stopped."""
+        return cls(frozenset({joint}), text, findings, Strength.UNCERTAIN, excuse)
 
     @property
     def sentence(self) -> str:

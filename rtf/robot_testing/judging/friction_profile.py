@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
+from rtf.robot_testing.judging.robust_fit import robust_fit
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -33,9 +35,6 @@ _BESIDE = 2
 _ASIDE = 4
 #: A move is judged from the first to the last state with this share of its greatest speed, if it is so long, deg.
 _MOVING, _SHORTEST = 0.2, 5.0
-#: States farther from the model than this number of standard deviations do not belong; rounds of leaving them out.
-_OUTLYING, _ROUNDS = 4.0, 4
-_NORMAL = 1.4826  # the standard deviation of normal noise, in median absolute deviations
 #: Share of the duty cycle for acceleration that is not certain: speeds are smoothed, and other joints may swing along.
 _ACCELERATION = 0.15
 #: What a place needs more is certain to this number of standard errors.
@@ -83,7 +82,7 @@ def friction_profile(
         return None
     angle = np.radians(q)
     columns = np.column_stack([np.ones(len(q)), np.sin(angle), np.cos(angle), direction, speed, acceleration])
-    values, noise = _fit(columns[used], u[used])
+    values, noise, _ = robust_fit(columns[used], u[used])
     model: FloatArray = columns @ values
     excess = (u - model) * direction - _ACCELERATION * np.abs(values[-1] * acceleration)
     table = _by_place(q, excess, number, noise)
@@ -121,18 +120,6 @@ def _derivatives(values: FloatArray, period: float) -> tuple[FloatArray, FloatAr
     padded = np.pad(values, _ASIDE, mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _ASIDE + 1)
     return windows @ first, 2.0 * (windows @ second)
-
-
-def _fit(columns: FloatArray, values: FloatArray) -> tuple[FloatArray, float]:
-    """Return the coefficients of the model without the states that do not belong, and the deviation of the others."""
-    inside = np.ones(len(values), dtype=bool)
-    found, noise = np.zeros(columns.shape[1]), math.inf
-    for _ in range(_ROUNDS):
-        found = np.linalg.lstsq(columns[inside], values[inside], rcond=None)[0].astype(np.float64)
-        away = np.abs(values - columns @ found)
-        noise = _NORMAL * float(np.median(away))
-        inside = away <= max(_OUTLYING * noise, 1e-9)
-    return found, noise
 
 
 def _by_place(q: FloatArray, excess: FloatArray, number: NDArray[np.intp], noise: float) -> dict[int, FloatArray]:

@@ -17,15 +17,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from rtf.robot_testing.judging.robust_fit import robust_fit
+
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot.model.drives import Drive
 
 #: A sign of the duty cycle is judged from this many states on, in which it is at least so large (per cent).
 _FEWEST, _DRIVEN = 30, 0.5
-#: States farther from the model than this number of standard deviations do not belong; rounds of leaving them out.
-_OUTLYING, _ROUNDS = 4.0, 4
-_NORMAL = 1.4826  # the standard deviation of normal noise, in median absolute deviations
 #: What has a greater standard error, as a share of what is expected, was not shown by the motion.
 _CERTAIN = 0.05
 #: What makes the error of a coefficient great that has no effect: a share of the squares, and a noise (A).
@@ -88,13 +87,7 @@ def _fit(columns: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArra
     """Return the coefficients of the model without the states that do not belong, and their standard errors."""
     sizes = np.maximum(np.abs(columns).max(axis=0), 1e-9)
     scaled = columns / sizes
-    inside = np.ones(len(values), dtype=bool)
-    found, noise = np.zeros(columns.shape[1]), math.inf
-    for _ in range(_ROUNDS):
-        found = np.linalg.lstsq(scaled[inside], values[inside], rcond=None)[0].astype(np.float64)
-        away = np.abs(values - scaled @ found)
-        noise = _NORMAL * float(np.median(away))
-        inside = away <= max(_OUTLYING * noise, 1e-9)
+    found, noise, inside = robust_fit(scaled, values)
     squares = scaled[inside].T @ scaled[inside] + _SINGULAR * len(values) * np.eye(len(found))
     errors: FloatArray = max(noise, _LEAST_NOISE) * np.sqrt(np.diag(np.linalg.inv(squares)))
     return found / sizes, errors / sizes

@@ -9,7 +9,7 @@ import numpy as np
 
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.errors import NotSupportedError, RefusedError
-from rtf.robot_testing.judging.blame import Evidence, Strength, accused, blame, settle
+from rtf.robot_testing.judging.blame import Evidence, accused, blame, settle
 from rtf.robot_testing.motion.part import PACE, TOLERANCE
 from rtf.robot_testing.motion.routines import run_to_end
 from rtf.robot_testing.motion.stop_evidence import stop_evidence
@@ -53,18 +53,13 @@ def bringing(
     if late:
         found = late_evidence(part, late)
         joint = next((one for one in accused(found) if one in late), next(iter(late)))
-        complaint = Evidence(
-            frozenset({joint}), "; ".join(late.values()), ("does not move",), strength=Strength.UNCERTAIN
-        )
+        complaint = Evidence.uncertain(joint, "; ".join(late.values()), "does not move")
         settle(test, blame(joint, complaint, found))
 
 
 def late_evidence(part: Part, late: Mapping[int, str]) -> list[Evidence]:
     """Return the evidence on the joints of a part, some of which have not arrived, as ``late_joints`` says."""
-    found = [
-        Evidence(frozenset({joint}), text, ("does not move",), strength=Strength.UNCERTAIN)
-        for joint, text in late.items()
-    ]
+    found = [Evidence.uncertain(joint, text, "does not move") for joint, text in late.items()]
     return [*stop_evidence(part, late=late), *found]
 
 

@@ -18,7 +18,7 @@ from rtf.robot.errors import RobotError
 from rtf.robot.extended_state import Field
 from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.guard.transmission import Transmission
-from rtf.robot_testing.judging.blame import Evidence, Strength
+from rtf.robot_testing.judging.blame import Evidence
 from rtf.robot_testing.judging.drive_agreement import Drive, drive_evidence
 from rtf.robot_testing.judging.encoder_agreement import Motion, encoder_evidence
 
@@ -57,8 +57,7 @@ def stop_evidence(
             until = math.inf
         found = _by_sensors(part, until, known, suspects)
     if error is not None and error.joint >= 0:
-        stopped = frozenset({error.joint})
-        found.append(Evidence(stopped, str(error), (error.finding,), strength=Strength.UNCERTAIN, excuse=error.excuse))
+        found.append(Evidence.uncertain(error.joint, str(error), error.finding, excuse=error.excuse))
     return found
 
 
