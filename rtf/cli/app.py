@@ -40,6 +40,16 @@ def _parser(word: str, description: str, example: str = "lab.xml") -> Parser:
     return parser
 
 
+def add_run_options(parser: Parser) -> None:
+    """Add the options of commands that run applications: ``--log`` and ``--timeout``."""
+    parser.add_argument(
+        "--log", nargs="?", const="/yarplogger", metavar="/LOGGER", help="send the output of modules to the logger"
+    )
+    parser.add_argument(
+        "--timeout", type=seconds, default=60.0, metavar="S", help="for ports without a timeout of their own (60)"
+    )
+
+
 def _load(options: argparse.Namespace) -> Loaded:
     from rtf.applications.xml.reader import find_application, read_application
 
@@ -242,12 +252,7 @@ def run(words: Sequence[str]) -> int:
         "lab.xml --var robot=icubSim\nrtf app run lab.xml --detach; rtf app status lab.xml; rtf app stop lab.xml",
     )
     parser.add_argument("--detach", action="store_true", help="leave when all is up; the modules run on")
-    parser.add_argument(
-        "--log", nargs="?", const="/yarplogger", metavar="/LOGGER", help="send the output of modules to the logger"
-    )
-    parser.add_argument(
-        "--timeout", type=seconds, default=60.0, metavar="S", help="for ports without a timeout of their own (60)"
-    )
+    add_run_options(parser)
     options = parser.parse_args(words)
     application = _sound(options)
     if not options.detach:

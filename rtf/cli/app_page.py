@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import escape
 
-from rtf.cli.app import GRACE, clean_up, make_manager, session_path
-from rtf.cli.parser import add_place_options, key_value, make_parser, seconds
+from rtf.cli.app import GRACE, add_run_options, clean_up, make_manager, session_path
+from rtf.cli.parser import add_place_options, key_value, make_parser
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
@@ -40,12 +40,7 @@ def page(words: Sequence[str]) -> int:
         "--var", action="append", type=key_value, default=[], metavar="NAME=VALUE", help="a variable, over the files'"
     )
     parser.add_argument("--new", action="store_true", help="begin with an empty application where there is no file")
-    parser.add_argument(
-        "--log", nargs="?", const="/yarplogger", metavar="/LOGGER", help="send the output of modules to the logger"
-    )
-    parser.add_argument(
-        "--timeout", type=seconds, default=60.0, metavar="S", help="for ports without a timeout of their own (60)"
-    )
+    add_run_options(parser)
     add_place_options(parser)
     options = parser.parse_args(words)
     code = fork_server(GRACE)

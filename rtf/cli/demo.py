@@ -12,7 +12,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import tempfile
 import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -89,8 +88,6 @@ def _verdict(shown: Sequence[_Shown], wrong: Sequence[str]) -> ExitCode:
 
 def _show(what: str, show: Callable[[], list[str]]) -> list[str]:
     """Print the lines of a function; return its error, if it raises one."""
-    from rtf.errors import RtfError
-
     print()
     try:
         print("\n".join(show()))
@@ -208,46 +205,33 @@ def talk() -> list[str]:
 
     Raises MiddlewareError, or OSError, when they do not understand each other.
     """
+    from rtf.cli.demo_network import demo_network
     from rtf.middleware.errors import ProtocolError
-    from rtf.middleware.naming.client import RemoteNames
-    from rtf.middleware.naming.configuration import write_place
-    from rtf.middleware.naming.server import NameServer
-    from rtf.middleware.ports.network import Network
 
-    with tempfile.TemporaryDirectory() as folder, NameServer() as server:
-        environment = {**os.environ, "YARP_CONFIG_HOME": folder}
-        write_place(server.contact, environment=environment)
+    with demo_network() as (network, environment, _):
         command = [sys.executable, "-m", "rtf", "read", "/demo/reader", "once"]
-        names = RemoteNames(server.contact)
-        try:
-            with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as reader:
-                try:
-                    lines = _write(Network(names), reader.pid)
-                    heard, _ = reader.communicate(timeout=_TALK_LIMIT)
-                finally:
-                    reader.kill()
-        finally:
-            names.close()
+        with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as reader:
+            try:
+                lines = _write(network, reader)
+                heard, _ = reader.communicate(timeout=_TALK_LIMIT)
+            finally:
+                reader.kill()
         if heard.strip() != _SAYING:
             raise ProtocolError(f"the reader was sent {_SAYING!r} and printed {heard.strip()!r}")
         return [*lines, f"  process {reader.pid} printed what it was sent: {heard.strip()}"]
 
 
-def _write(network: Network, reader: int) -> list[str]:
+def _write(network: Network, reader: subprocess.Popen[str]) -> list[str]:
     from statistics import median
 
     from rtf.bottle import Bottle
-    from rtf.middleware.errors import ConnectError
+    from rtf.cli.demo_network import await_port
     from rtf.middleware.ports import remote
     from rtf.middleware.ports.port import Port
     from rtf.middleware.wire.contact import Contact
 
     target = Contact(name="/demo/reader")
-    deadline = clock.Deadline.after(_TALK_LIMIT)
-    while not remote.exists(network, target):
-        if deadline.expired:
-            raise ConnectError(f"/demo/reader, which process {reader} should open, is not there")
-        clock.sleep(0.02)
+    await_port(network, target.name, reader)
     times = []
     for _ in range(_QUESTIONS):
         began = clock.monotonic()
@@ -257,7 +241,7 @@ def _write(network: Network, reader: int) -> list[str]:
         found = writer.add_output("/demo/reader", "tcp")
         writer.write(Bottle.parse(_SAYING))
     return [
-        f"Two programs talk as YARP's do: /demo/writer here, /demo/reader in process {reader} ({found.by('tcp')})",
+        f"Two programs talk as YARP's do: /demo/writer here, /demo/reader in process {reader.pid} ({found.by('tcp')})",
         f"  a connection, a question and its answer take {median(times) * 1e3:.2f} ms",
     ]
 
@@ -267,39 +251,30 @@ _JOINT, _TARGET, _SPEED = "l_elbow", 90.0, 40.0  # deg, deg/s
 _ROBOT_LIMIT = 60.0
 
 
-class DemonstrationError(RtfError, RuntimeError):
-    """Something that the demonstration shows did not happen."""
-
-
 def move(runs: Path) -> list[str]:
     """Start a robot, move its arm through the network, and keep a picture of its left eye; return what happened.
 
     Raises RtfError, or OSError, when something does not work.
     """
-    from rtf.middleware.naming.client import RemoteNames
-    from rtf.middleware.naming.configuration import write_place
-    from rtf.middleware.naming.server import NameServer
-    from rtf.middleware.ports.network import Network
+    from rtf.cli.demo_network import demo_network
 
-    with tempfile.TemporaryDirectory() as folder, NameServer() as server:
-        environment = {**os.environ, "YARP_CONFIG_HOME": folder}
-        write_place(server.contact, environment=environment)
-        ready = Path(folder) / "ready"
+    with demo_network() as (network, environment, folder):
+        ready = folder / "ready"
         words = ["--robot", _ROBOT, "--parts", "head,left_arm", "--lockstep", "--cameras", "auto"]
         command = [sys.executable, "-m", "rtf", "simulator", *words, "--ready-file", str(ready)]
         began = clock.monotonic()
-        names = RemoteNames(server.contact)
         with subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL) as simulator:
             try:
                 _wait_for(ready, simulator)
                 line = f"A simulated iCub is ready after {clock.monotonic() - began:.2f} s, in process {simulator.pid}"
-                return [line, *_command(Network(names), runs)]
+                return [line, *_command(network, runs)]
             finally:
                 simulator.terminate()
-                names.close()
 
 
 def _wait_for(ready: Path, simulator: subprocess.Popen[bytes]) -> None:
+    from rtf.cli.demo_network import DemonstrationError
+
     deadline = clock.Deadline.after(_ROBOT_LIMIT)
     while not ready.exists():
         if simulator.poll() is not None:
@@ -312,6 +287,7 @@ def _wait_for(ready: Path, simulator: subprocess.Popen[bytes]) -> None:
 
 
 def _command(network: Network, runs: Path) -> list[str]:
+    from rtf.cli.demo_network import DemonstrationError
     from rtf.middleware.clocks.network_clock import LockstepClock
     from rtf.robot.boards.client import connect
 

@@ -6,10 +6,8 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 from contextlib import ExitStack, contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf import clock
@@ -20,26 +18,25 @@ from rtf.applications.manager import Manager
 from rtf.applications.run.client import RunClient
 from rtf.applications.xml.reader import read_application
 from rtf.bottle import as_int
+from rtf.cli.demo_network import await_port, demo_network
 from rtf.logs.collector import Collector
 from rtf.logs.store import LogReader, LogStore
-from rtf.middleware.naming.client import RemoteNames
-from rtf.middleware.naming.configuration import write_place
-from rtf.middleware.naming.server import NameServer
 from rtf.middleware.ports import remote
-from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.port import Port
 from rtf.middleware.wire.contact import Contact
 from rtf.testing.plugins import shipped_folder
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
     from rtf.applications.events import Event
+    from rtf.middleware.ports.network import Network
 
 _NODES = ("/pc1", "/pc2")
 #: The program that is killed, as in chain.xml.
 _KILLED = "relay.py first"
-#: Seconds in which nodes open, and in which a number arrives.
+#: Seconds in which a killed program is back, and in which a number arrives.
 _LIMIT = 20.0
 
 
@@ -53,7 +50,7 @@ def run_application(runs: Path) -> list[str]:
     runs.mkdir(parents=True, exist_ok=True)
     log.unlink(missing_ok=True)
     with ExitStack() as opened:
-        network, environment = _network(opened)
+        network, environment, _ = opened.enter_context(demo_network())
         opened.enter_context(Collector(opened.enter_context(LogStore(log)), network=network))
         for node in _NODES:
             opened.enter_context(_node(node, network, environment))
@@ -67,29 +64,13 @@ def run_application(runs: Path) -> list[str]:
     return lines
 
 
-def _network(opened: ExitStack) -> tuple[Network, dict[str, str]]:
-    """Start a name server for this demonstration; return its network, and the environment of programs in it."""
-    folder = opened.enter_context(tempfile.TemporaryDirectory())
-    server = opened.enter_context(NameServer())
-    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)])
-    environment = {**os.environ, "YARP_CONFIG_HOME": folder, "XDG_STATE_HOME": folder, "PATH": path}
-    write_place(server.contact, environment=environment)
-    names = RemoteNames(server.contact)
-    opened.callback(names.close)
-    return Network(names), environment
-
-
 @contextmanager
 def _node(name: str, network: Network, environment: dict[str, str]) -> Iterator[None]:
     """Run a node in a process of its own."""
     words = [sys.executable, "-m", "rtf", "run", "--server", name, "--log"]
     with subprocess.Popen(words, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as node:
         try:
-            deadline = clock.Deadline.after(_LIMIT)
-            while not remote.exists(network, Contact(name=name)):
-                if node.poll() is not None or deadline.expired:
-                    raise ApplicationError(f"the node {name} did not open; see rtf run --server {name}")
-                clock.sleep(0.02)
+            await_port(network, name, node)
             yield
         finally:
             node.terminate()

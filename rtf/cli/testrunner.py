@@ -9,12 +9,9 @@ from __future__ import annotations
 def main(arguments: list[str] | None = None) -> int:
     """Run ``testrunner``, or one of the commands below it; returns the exit code."""
     try:
-        import atexit
-        import gc
+        from rtf.cli.startup import collect_rarely
 
-        # Imports make many objects and hardly any garbage: looking for it, at the end too, took a sixth of --help.
-        gc.set_threshold(20_000)
-        atexit.register(gc.freeze)
+        collect_rarely()
         from rtf.cli import command_tree
     except KeyboardInterrupt:
         return 2

@@ -150,15 +150,7 @@ class RunServer:
         self._windows = Children(f"{token}-w", most=most, said=self._say)
         self._held_windows: set[int] = set()
         try:
-            self._port = _NodePort(name, self.answer, network, self._access)
-            try:
-                self._check_address()
-                network.names.set_property(self.name, "yarprun", ["true"])
-                if record is not None:
-                    self._take_over(record)
-            except BaseException:
-                self._port.close()
-                raise
+            self._open(name, record)
         except BaseException:
             self._children.close(0.0)
             self._windows.close(0.0)
@@ -167,6 +159,18 @@ class RunServer:
             raise
         finally:
             self._ready.set()
+
+    def _open(self, name: str, record: NodeRecord | None) -> None:
+        """Open the port, and take over what an earlier node of this name has left."""
+        self._port = _NodePort(name, self.answer, self._network, self._access)
+        try:
+            self._check_address()
+            self._network.names.set_property(self.name, "yarprun", ["true"])
+            if record is not None:
+                self._take_over(record)
+        except BaseException:
+            self._port.close()
+            raise
 
     @property
     def name(self) -> str:

@@ -22,7 +22,7 @@ import numpy as np
 from rtf.errors import did_you_mean
 from rtf.robot.model.drives import drive_of
 from rtf.robot.model.errors import RobotModelError
-from rtf.robot.model.file import CouplingBlock, Joint, PartTable, RobotFile, ThresholdTable
+from rtf.robot.model.file import CouplingBlock, Joint, Motor, PartTable, RobotFile, ThresholdTable
 from rtf.robot.model.names import DEFAULT_ROBOT, FILE, ROBOT_MODEL_VARIABLE
 from rtf.robot.model.places import line_of, steps_of
 from rtf.robot.model.values import UNVALIDATED, Axis, Coupling, Part, RobotModel, Thresholds
@@ -241,16 +241,8 @@ class _Reading:
         def value(key: str, described_value: float | None = None) -> Any:
             return _first(*(getattr(one, key) for one in (given, file.defaults)), described_value)
 
-        limits = given.limits or (described.limits if described else None)
-        if limits is None:
-            self._fail(keys, f"{name}: neither this file nor {self._description.name} has its limits; write limits")
-        if not (limits[0] < limits[1] and all(map(math.isfinite, limits))):
-            self._fail(keys, f"{name}: limits are a smaller and a greater number, not {limits[0]:g} and {limits[1]:g}")
-        motor_type = given.motor or file.defaults.motor
-        if motor_type is None or motor_type not in file.motors:
-            known = ", ".join(file.motors) or "none; write a table [motors.NAME]"
-            self._fail(keys, f"{name}: motor {motor_type!r} is none of [motors]: {known}")
-        motor = file.motors[motor_type]
+        limits = self._limits(keys, given, described)
+        motor = self._motor(keys, given)
         torque = value("max_torque", described.effort if described else None)
         if torque is None:
             if not table.kinematic:
@@ -294,6 +286,22 @@ class _Reading:
             prismatic=prismatic,
             degree=degree,
         )
+
+    def _limits(self, keys: list[str], given: Joint, described: JointDescription | None) -> tuple[float, float]:
+        name = keys[-1]
+        limits = given.limits or (described.limits if described else None)
+        if limits is None:
+            self._fail(keys, f"{name}: neither this file nor {self._description.name} has its limits; write limits")
+        if not (limits[0] < limits[1] and all(map(math.isfinite, limits))):
+            self._fail(keys, f"{name}: limits are a smaller and a greater number, not {limits[0]:g} and {limits[1]:g}")
+        return limits
+
+    def _motor(self, keys: list[str], given: Joint) -> Motor:
+        motors, chosen = self._file.motors, given.motor or self._file.defaults.motor
+        if chosen is None or chosen not in motors:
+            known = ", ".join(motors) or "none; write a table [motors.NAME]"
+            self._fail(keys, f"{keys[-1]}: motor {chosen!r} is none of [motors]: {known}")
+        return motors[chosen]
 
     def _needed_description(self, given: Joint, name: str) -> JointDescription | None:
         """Return what the description says of a joint; None if the file says all, so that it need not be read."""
