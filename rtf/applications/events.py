@@ -57,7 +57,8 @@ class Unit:
     """A module in the hands of a manager.
 
     ``since`` is when it was started, ``reason`` why it does not run, ``attempts`` how often it was restarted in a row,
-    ``halted`` that it was asked to stop by itself, without the application.
+    ``halted`` that it was asked to stop by itself, without the application, ``unnoticed`` that it was found not to run
+    any more, which the manager has not dealt with yet.
     """
 
     index: int
@@ -70,6 +71,7 @@ class Unit:
     attempts: int = 0
     optional: bool = False
     halted: bool = False
+    unnoticed: bool = False
 
     @property
     def place(self) -> Deployer:

@@ -65,7 +65,7 @@ class Manager:
         patience: float = PATIENCE,
     ) -> None:
         self.application = application
-        self._surroundings = context
+        self._context = context
         self._network = context.network
         self._said = said
         self._patience = patience
@@ -100,7 +100,7 @@ class Manager:
         kind = find_deployer(found.module, folder)
         key = kind, "" if kind is LocalDeployer else found.module.node.lstrip("/")
         if key not in self._deployers:
-            self._deployers[key] = kind(found.module.node, self._surroundings)
+            self._deployers[key] = kind(found.module.node, self._context)
         return Unit(index, found.module, self._deployers[key])
 
     def _make_pool(self) -> ThreadPoolExecutor:
@@ -170,6 +170,7 @@ class Manager:
             if unit.deployer is None or unit.active:
                 continue
             unit.state, unit.reason, unit.attempts, unit.halted = State.WAITING, "", 0, False
+            unit.unnoticed = False
             self._begin(unit)
         opened = [self._ports[unit.index] for unit in units]
         self.links.want(
@@ -196,7 +197,7 @@ class Manager:
                 self._await_dependencies(unit)
                 self._refuse_taken_ports(unit)
                 unit.state, unit.since = State.STARTING, clock.monotonic()
-                unit.pid = unit.place.start(request_of(unit.module, self._surroundings))
+                unit.pid = unit.place.start(request_of(unit.module, self._context))
                 self._say(Kind.STARTED, f"{unit.module} is started ({unit.pid})", unit.module)
                 if self._comes_up(unit):
                     unit.state = State.RUNNING
@@ -261,7 +262,9 @@ class Manager:
 
         Without modules there are connections to watch.
         """
-        while (not self.units or any(unit.active for unit in self.units)) and not self._ending.wait(LOOK):
+        while (not self.units or any(one.active or one.unnoticed for one in self.units)) and not self._ending.wait(
+            LOOK
+        ):
             self.watch_once()
         return all(unit.good for unit in self.units)
 
@@ -277,11 +280,12 @@ class Manager:
 
     def watch_modules(self) -> None:
         """Look at modules alone."""
-        before = [unit for unit in self.units if unit.state in (State.RUNNING, State.UNKNOWN) and not unit.halted]
         self.look(LOOK)
-        for unit in before:
-            if unit.state is State.STOPPED and not unit.halted and self._note_end(unit):
-                self._begin(unit)
+        for unit in self.units:  # also those of which a slow node has told since the last look
+            if unit.unnoticed and unit.state is State.STOPPED:
+                unit.unnoticed = False
+                if not unit.halted and self._note_end(unit):
+                    self._begin(unit)
         for done in [start for start in self._starts if start.done()]:
             self._starts.remove(done)
             done.result()
@@ -311,6 +315,7 @@ class Manager:
             elif unit.module.tag in running:
                 unit.state, unit.pid = State.RUNNING, running[unit.module.tag]
             else:
+                unit.unnoticed = state is not State.STOPPED or unit.unnoticed
                 unit.state = State.STOPPED
         self._tell_of(deployer, reason)
 

@@ -103,7 +103,10 @@ def _watch_chain(network: Network) -> list[str]:
                 left = clock.monotonic()
                 os.kill(killed.pid, signal.SIGKILL)
                 if not connected.wait(_LIMIT):
-                    raise ApplicationError(f"'{_KILLED}' was killed, and is not connected again after {_LIMIT:g} s")
+                    last = "; ".join(one.text for one in told[-5:])
+                    raise ApplicationError(
+                        f"'{_KILLED}' was killed, and is not connected again after {_LIMIT:g} s; last events: {last}"
+                    )
                 while (after := _number(watch)) <= before:
                     pass
                 away = clock.monotonic() - left

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 #: The greatest lag (s) behind the machine's clock that the loop catches up.
 _LATE = 0.1
+#: The number of steps between two pauses of a paced loop, if no event comes before.
+_STRIDE = 10
 #: The number of random numbers that are drawn at once.
 _DRAWN = 4096
 
@@ -129,7 +131,9 @@ class Simulation:
         try:
             while self.boards.tick < end:
                 self._happen()
-                self._compute(min(end, self._queue[0][0] if self._queue else end))
+                until_event = self._queue[0][0] if self._queue else end
+                until_pause = end if self.factor is None else self.boards.tick + _STRIDE
+                self._compute(min(end, until_event, until_pause))
                 if self.factor is not None:
                     self._pace(self.factor)
             self._happen()

@@ -18,6 +18,7 @@ from rtf import clock
 from rtf.applications.connections import Link
 from rtf.applications.errors import ApplicationError
 from rtf.applications.events import Kind, State
+from rtf.applications.manager import LOOK
 from rtf.applications.run.members import look_at
 from rtf.applications.run.server import RunServer
 from rtf.bottle import Bottle
@@ -403,6 +404,25 @@ def test_signals_reach_what_the_manager_started(tmp_path: Path):
         os.kill(run.manager.units[0].pid, signal.SIGSEGV)
         assert not run.manager.watch()
         assert run.texts(Kind.FAILED) == ["sleep 60 ended: killed by SIGSEGV"]
+
+
+def test_an_end_is_noticed_at_a_place_that_answers_slowly(tmp_path: Path):
+    """Its answer comes after the manager has looked at the others; the module is restarted all the same."""
+    (tmp_path / "slow.py").write_text(
+        "import time\n"
+        "from rtf.applications.deployers import LocalDeployer\n"
+        "class Slow(LocalDeployer):\n"
+        "    def running(self):\n"
+        f"        time.sleep({2 * LOOK})\n"
+        "        return super().running()\n"
+    )
+    inside = '<deployer>slow</deployer><restart attempts="1" backoff="0.05">on-failure</restart>'
+    content = shell(tmp_path, "one", f"echo x >> {tmp_path}/starts; sleep 1; exit 1", inside)
+    with lab(application(tmp_path, content)) as run:
+        assert run.manager.start()
+        assert not run.manager.watch()
+    assert (tmp_path / "starts").read_text() == "x\n" * 2
+    assert len(run.texts(Kind.RESTARTED)) == 1
 
 
 def test_deployer_is_a_plug_in(tmp_path: Path):
