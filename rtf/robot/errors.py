@@ -35,3 +35,7 @@ class DeviceError(RobotError, RuntimeError):
 
 class ConfigurationError(RobotError, ValueError):
     """A configuration is invalid. The message begins with the location."""
+
+
+class MessageError(RobotError, ValueError):
+    """A frame on a bus is no message of its protocol, or a value does not fit into a message."""
