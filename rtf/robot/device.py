@@ -48,6 +48,7 @@ SHIPPED: Mapping[str, str] = {
     "inertial": "rtf.robot.sensors.inertial:InertialDevice",
     "frameGrabber_nws_yarp": "rtf.robot.sensors.camera:FrameGrabberDevice",
     "frameGrabber_nwc_yarp": "rtf.robot.sensors.camera:FrameGrabberClient",
+    "canBus": "rtf.robot.devices.can.bus_device:CanBusDevice",
     "icubCalibrator": "rtf.robot.devices.calibrator:BoardCalibrator",
     **_family(
         "rtf.robot.sensors.battery",

@@ -33,6 +33,10 @@ class DeviceError(RobotError, RuntimeError):
     """A device cannot be opened, or an action of it failed."""
 
 
+class BusError(DeviceError, ConnectionError):
+    """A bus of boards is off, or does not take what is to be sent."""
+
+
 class ConfigurationError(RobotError, ValueError):
     """A configuration is invalid. The message begins with the location."""
 

@@ -24,8 +24,13 @@ def wrong(configuration: Property, key: str, sentence: str) -> ConfigurationErro
 
 
 def group_of(configuration: Property, key: str) -> Property:
-    """Return a group as a configuration; an empty one if it is missing."""
-    return Property.from_bottle(configuration.find_group(key) or Bottle())
+    """Return a group as a configuration, with the locations of its keys; an empty one if it is missing."""
+    group = Property.from_bottle(configuration.find_group(key) or Bottle())
+    for inner in group:
+        location = configuration.location(key, inner) or configuration.location(key)
+        if location is not None:
+            group.locate(location, inner)
+    return group
 
 
 def port_name(configuration: Property, key: str, default: str | None = None) -> str:
