@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rtf.robot.errors import NotSupportedError, RefusedError
 from rtf.robot.extended_state import Field
 from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.joints_test import JointsTest
 from rtf.robot_testing.judging.encoder_errors import Spikes, errors_of, spikes_of
 from rtf.robot_testing.judging.friction_profile import friction_profile
-from rtf.robot_testing.judging.motor_model import motor_model
+from rtf.robot_testing.judging.motor_model import TOLERANCE, UNEVEN, motor_model
 from rtf.robot_testing.motion.joint_swings import JointSwinger, Outcome, ends_of
+from rtf.robot_testing.motion.known_motors import known_motors
 from rtf.robot_testing.motion.part import PACE
 from rtf.robot_testing.motion.routines import run_queues
 from rtf.robot_testing.robot_name import robot_model
@@ -22,7 +22,6 @@ from rtf.testing import Parameter
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
-    from rtf.robot.model.drives import Drive
     from rtf.robot_testing import Trace
     from rtf.robot_testing.guard.transmission import Transmission
     from rtf.robot_testing.judging.encoder_errors import Mask
@@ -77,15 +76,14 @@ class JointSweep(JointsTest):
 
     # Half of what MotorStiction allows over the whole range.
     friction = Parameter(float, "greatest additional duty cycle in one place", unit="%", default=5.0, low=0.01)
-    # Windings have tolerances of 10 %, and 24 % more resistance when they are 60 degrees warmer.
     current = Parameter(
         float, "greatest deviation of the current, and of the torque constant, from those of the motor in robot.toml",
-        unit="%", default=30.0, low=0.1,
+        unit="%", default=100.0 * TOLERANCE, low=0.1,
     )  # fmt: skip
     zero = Parameter(float, "greatest offset of the current, of the peak current", unit="%", default=3.0, low=0.01)
     uneven = Parameter(
-        float, "greatest difference of the currents of both directions at equal duty cycles", unit="%", default=20.0,
-        low=0.1,
+        float, "greatest difference of the currents of both directions at equal duty cycles", unit="%",
+        default=100.0 * UNEVEN, low=0.1,
     )  # fmt: skip
 
     def setup(self) -> None:
@@ -97,24 +95,9 @@ class JointSweep(JointsTest):
         self.slow_speeds = self.by_joint("speed", self.speed)
         self.fast_speeds = self.by_joint("fast", self.fast)
         self.ends = {joint: ends_of(part, joint, np.inf) for joint in self.chosen}
-        self.motors = self._known_motors()
+        self.motors = known_motors(part, robot_model(self), self.chosen, simulated=self.simulated)
         self.swinger = JointSwinger(part, self.transmission, tolerance=self.tolerance)
         self.swinger.begin(self.hold)
-
-    def _known_motors(self) -> dict[int, _Motor]:
-        """Return the motors of the chosen joints that the model of the robot has."""
-        part, model = self.robot_part, robot_model(self)
-        found = {}
-        for joint in self.chosen:
-            if part.names[joint] in model.index:
-                axis = model.axis(part.names[joint])
-                try:
-                    supply = part.board.supply_voltage(joint)
-                except (NotSupportedError, RefusedError):
-                    supply = 0.0
-                known = self.simulated or not axis.drive.assumed
-                found[joint] = _Motor(axis.drive, supply or axis.drive.supply, axis.peak_current, known=known)
-        return found
 
     def run(self) -> None:
         """Sweep all queues in parallel, then judge joint by joint."""
@@ -261,15 +244,6 @@ class JointSweep(JointsTest):
             f"{likely_causes('spikes')}"
         )
         self.measure(f"spikes of the {whose} encoder", spikes.number, "count", high=0, hint=hint)
-
-
-class _Motor(NamedTuple):
-    """A motor: its drive, its supply now (V), its peak current (A), and whether the drive's winding is known."""
-
-    drive: Drive
-    supply: float
-    peak: float
-    known: bool
 
 
 def _wrong_current(found: MotorModel) -> str:

@@ -358,28 +358,18 @@ class RobotTest(TestCase):
         return True
 
     def explained(self, part: Part, joint: int) -> str:
-        """Return what earlier stops have shown of joints that share motors with one; "" if it is accused itself.
+        """Return what is known of joints that share motors with one: accused by an earlier stop, or without power.
 
-        With it a value out of bounds is no fault of the joint.
+        With it a value out of bounds is no fault of the joint. "" if there is nothing, or it is accused itself.
         """
         known = self._evidence.get(part.name, [])
-        if not known or part.guard is None or any(joint in one.joints for one in known):
+        if part.guard is None or any(joint in one.joints for one in known):
             return ""
-        sharing = {*part.guard.coupled_with(joint)}
-        return next((f"it shares motors: {one.text}" for one in known if one.joints & sharing), "")
-
-    def disturbed(self, part: Part, joint: int) -> str:
-        """Return what disturbs a joint: another one that is broken or limp; "" if none is, or this joint is accused.
-
-        A value out of bounds is no fault of a joint that another one shook meanwhile, or that a limp one carries.
-        """
-        wrong = accused(one for one in stop_evidence(part) if one.strength is Strength.CERTAIN)
-        if joint in wrong:
-            return ""
-        if wrong:
-            return f"it was disturbed: {next(iter(wrong.values())).text}"
-        limp = [] if part.guard is None else [part.names[j] for j in range(part.axes) if part.guard.is_excluded(j)]
-        return f"it was disturbed: without power are {', '.join(limp)}" if limp else ""
+        sharing = part.guard.coupled_with(joint)
+        limp = [part.names[one] for one in sharing if part.guard.is_excluded(one)]
+        reasons = [f"it shares motors: {one.text}" for one in known if not one.joints.isdisjoint(sharing)]
+        reasons += [f"it shares motors: {', '.join(limp)} had to be left without power"] if limp else []
+        return reasons[0] if reasons else ""
 
     def judge_evidence(self, part: Part, joint: int, complaint: Evidence, found: Sequence[Evidence]) -> None:
         """Judge a joint by a complaint and the evidence on the joints of its part, in its sub-result."""

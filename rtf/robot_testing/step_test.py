@@ -20,8 +20,10 @@ from rtf.robot_testing.judging.checked_values import CheckedValue, judge_values
 from rtf.robot_testing.judging.failure_causes import likely_causes
 from rtf.robot_testing.judging.real_time_checks import loop_delay, state_delay
 from rtf.robot_testing.judging.step_response import EXPLAINED, FEWEST, largest, noise_before, spread_of, step_response
+from rtf.robot_testing.motion.known_motors import disturbance
 from rtf.robot_testing.motion.routines import pause, run_queues
 from rtf.robot_testing.motion.start_position import bringing, holding, starting_point
+from rtf.robot_testing.robot_name import robot_model
 from rtf.robot_testing.robot_test import RobotTest
 from rtf.robot_testing.slides import converted, in_metres
 from rtf.testing import Parameter
@@ -330,9 +332,13 @@ class StepTest(RobotTest):
         values = [value.scaled(*converted(metres, value.symbol)) for value in values]
         excuse = late[0] if late else self.explained(self.robot_part, joint)
         if not excuse and any(value.wrong for value in values):
-            excuse = self.disturbed(self.robot_part, joint)
+            excuse = self.disturbed(joint)
         judge_values(self, name, values, excuse)
         self._require_visible_step(name, cycles)
+
+    def disturbed(self, joint: int) -> str:
+        """Return what disturbs a joint, see :func:`disturbance`; "" if nothing does."""
+        return disturbance(self.robot_part, joint, robot_model(self), simulated=self.simulated)
 
     def _require_numbers(self, name: str, cycles: list[Cycle]) -> None:
         measured = np.concatenate([one.measured for one in cycles])

@@ -36,6 +36,8 @@ JOINTS = ("l_shoulder_pitch", "l_shoulder_roll", "l_elbow", "l_wrist_pitch", "to
 TESTS = ("OpticalEncodersConsistency", "PositionControlAccuracy", "MotorEncodersSignCheck", "position-stress")
 #: The joints of a part that are tested: hands have many, and all of one kind.
 _FIRST = 7
+#: What comes before the joint that explains a doubt.
+_EXPLAINED = re.compile("explained by|it was disturbed|it shares motors")
 #: The goals: shares of tests that name the right joint first, and of healthy joints that fail.
 RIGHT, HEALTHY = 0.98, 0.005
 
@@ -121,7 +123,7 @@ def _blamed(case: Case, said: list[tuple[str, str]], joints: dict[str, Verdict])
     """Evaluate one test: what its first failure names, or without any failure what explains the first doubt."""
     faulty = faulty_joints(case)
     subject, detail = next((one for one in said if one[0]), said[0])
-    named = _joints_in(subject) or _joints_in(detail.rpartition("explained by")[2])
+    named = _joints_in(subject) or _joints_in(_EXPLAINED.split(detail)[-1])
     healthy = [joint for joint in joints if joint not in faulty]
     wrong = tuple(joint for joint in healthy if joints[joint] is Verdict.FAILED)
     first = next(iter(named), "")

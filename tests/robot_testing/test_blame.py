@@ -289,6 +289,14 @@ def test_a_joint_that_shares_motors_with_a_culprit_is_not_judged(
     assert verdicts(said)["joint2"] is Verdict.INCONCLUSIVE
 
 
+def test_a_joint_that_shares_motors_with_one_without_power_is_not_judged(bench: PartBench, made: Callable[..., Any]):
+    """Boards leave such joints idle together; nothing more has to be known of the one that had to be stopped."""
+    test = made()
+    bench.guard.exclude(1, "it had to be stopped again")
+    explained = [test.explained(bench.part, joint) for joint in range(3)]
+    assert explained == ["", "", "it shares motors: joint1 had to be left without power"]
+
+
 def test_a_culprit_is_left_without_power_when_it_disturbs_another_joint(
     bench: PartBench, said: list[Event], made: Callable[..., Any]
 ):

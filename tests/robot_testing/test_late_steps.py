@@ -36,7 +36,7 @@ class Judging(StepTest):
         """Keep the report."""
         self.reports += texts
 
-    def disturbed(self, part, joint):
+    def disturbed(self, joint):
         """The part has no other joint."""
         return ""
 

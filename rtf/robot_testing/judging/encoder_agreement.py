@@ -57,13 +57,17 @@ class Motion(NamedTuple):
         sizes: FloatArray = np.abs(self.coupling).max(axis=1)
         return sizes
 
-    def disagreeing(self, tolerance: Tolerance) -> list[int]:
-        """Return the motors whose encoders disagree with those of the joints; NaN is no disagreement."""
+    def differences(self, tolerance: Tolerance) -> FloatArray:
+        """Return the differences of each motor's encoder and those of the joints, as shares of what is tolerated."""
         expected = self.joints @ self.coupling.T
         apart = np.ptp(self.turns - expected, axis=0) / self.sizes
         way = np.maximum(np.ptp(self.turns, axis=0), np.ptp(expected, axis=0)) / self.sizes
-        wrong = apart > tolerance.least + tolerance.share * way
-        return [int(motor) for motor in np.flatnonzero(wrong)]
+        shares: FloatArray = apart / (tolerance.least + tolerance.share * way)
+        return shares
+
+    def disagreeing(self, tolerance: Tolerance) -> list[int]:
+        """Return the motors whose encoders disagree with those of the joints; NaN is no disagreement."""
+        return [int(motor) for motor in np.flatnonzero(self.differences(tolerance) > 1.0)]
 
     def shown_as(self, joints: FloatArray | None = None, turns: FloatArray | None = None) -> Motion:
         """Return the motion with other readings."""
@@ -94,7 +98,12 @@ def encoder_evidence(
 
 
 def _wrong_joint(motion: Motion, wrong: list[int], names: Sequence[str], bounds: Tolerance) -> Iterator[Evidence]:
-    """Explain the disagreement by the encoder of one joint, which may show anything."""
+    """Explain the disagreement by the encoder of one joint, which may show anything.
+
+    Of several that could be wrong it is the one that leaves the smallest differences. A single motor's encoder may
+    leave less than any: a joint that turns another motor as well, which agrees, is not accused for it.
+    """
+    found: list[tuple[float, Evidence]] = []
     for joint in _joints_of(motion, wrong):
         rows = np.flatnonzero(motion.coupling[:, joint])
         if not {*wrong} <= {*rows.tolist()}:
@@ -103,9 +112,21 @@ def _wrong_joint(motion: Motion, wrong: list[int], names: Sequence[str], bounds:
         others, joints = motion.coupling[rows].copy(), motion.joints.copy()
         others[:, joint] = 0.0
         joints[:, joint] = (motion.turns[:, rows] - motion.joints @ others.T) @ column / float(column @ column)
-        if not motion.shown_as(joints=joints).disagreeing(bounds):
-            yield _disagreement(joint, names[joint], motion.joints[:, joint], joints[:, joint])
-            return
+        if not (shown := motion.shown_as(joints=joints)).disagreeing(bounds):
+            evidence = _disagreement(joint, names[joint], motion.joints[:, joint], joints[:, joint])
+            found.append((_left_by(shown, bounds), evidence))
+    if found and len(wrong) == 1:
+        (motor,) = wrong
+        turns = motion.turns.copy()
+        turns[:, motor] = motion.joints @ motion.coupling[motor]
+        found.append((_left_by(motion.shown_as(turns=turns), bounds), _wrong_motor(motion, motor, names)))
+    if found:
+        yield min(found, key=lambda one: one[0])[1]
+
+
+def _left_by(explained: Motion, bounds: Tolerance) -> float:
+    """Return the differences that an explanation leaves, without those of rounding."""
+    return round(float(np.nansum(explained.differences(bounds))), 6)
 
 
 def _wrong_motor(motion: Motion, motor: int, names: Sequence[str]) -> Evidence:

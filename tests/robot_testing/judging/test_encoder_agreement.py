@@ -63,6 +63,23 @@ def test_a_wrong_joint_encoder_is_found_through_all_of_its_motors(joint, change)
     assert change in found.sentence or "shows 0.0" in found.text
 
 
+@pytest.mark.parametrize("joint", [1, 2, 3, 4])
+@pytest.mark.parametrize("way", [4.0, 6.0, 9.0])
+def test_a_joint_encoder_that_drifts_a_little_is_told_from_its_neighbour(joint, way):
+    """A drift of less than the tolerance of the other joint's own motor is not explained by that joint."""
+    (found,) = evidence(changed(0.1 * JOINTS, joint, lambda column: column + way * TIME / TIME[-1]), 0.1 * MOTORS)
+    assert found.joints == {joint}
+
+
+@pytest.mark.parametrize("motor", [1, 2, 3, 4])
+@pytest.mark.parametrize("way", [4.0, 6.0, 9.0])
+def test_a_motor_encoder_that_drifts_a_little_is_told_from_those_of_its_joints(motor, way):
+    """A joint with two motors would make the other one disagree, if only a little."""
+    size = GEARBOX[motor] * np.abs(COUPLING[motor]).max()
+    (found,) = evidence(0.1 * JOINTS, changed(0.1 * MOTORS, motor, lambda column: column + size * way * TIME / 4.0))
+    assert found.joints == {motor}
+
+
 @pytest.mark.parametrize("motor", range(5))
 @pytest.mark.parametrize("change", CHANGES)
 def test_a_wrong_motor_encoder_is_that_of_its_joint(motor, change):

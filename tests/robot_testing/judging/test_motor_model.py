@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rtf.robot.model.drives import Drive
-from rtf.robot_testing.judging.motor_model import MotorModel, motor_model
+from rtf.robot_testing.judging.motor_model import MotorModel, motor_model, wrong_motor
 
 SUPPLY, RESISTANCE, CONSTANT = 24.0, 3.0, 0.03
 DRIVE = Drive("current", SUPPLY, RESISTANCE, CONSTANT, 0.01, 0.001, assumed=False, turns=100.0)
@@ -104,3 +104,28 @@ def test_what_the_motion_does_not_show_is_unknown():
     still = fitted(0.0 * duties, 0.0 * currents, speeds)
     assert math.isnan(still.gain)
     assert math.isnan(still.uneven)
+
+
+@pytest.mark.parametrize(
+    ("model", "text"),
+    [
+        (MotorModel(0.0, 0.0, math.nan, 0.0), "its current is 0% of what its duty cycle drives"),
+        (MotorModel(1.0, 0.6, 1.0, 0.0), "a negative duty cycle drives 40% less current"),
+        (MotorModel(0.6, 1.0, 1.0, 0.0), "a positive duty cycle drives 40% less current"),
+        (MotorModel(1.0, 1.0, 0.3, 0.0), "its torque constant is 30% of that in robot.toml"),
+        (MotorModel(1.0, 1.0, -1.0, 0.0), "its torque constant is -100% of that in robot.toml"),
+    ],
+)
+def test_a_motor_that_is_not_what_its_drive_says_is_described(model: MotorModel, text: str):
+    """The winding first, then the amplifier, then the magnets."""
+    wrong = wrong_motor(model)
+    assert wrong is not None
+    assert wrong.text == text
+
+
+@pytest.mark.parametrize(
+    "model", [MotorModel(0.8, 0.8, 1.2, 0.0), MotorModel(0.85, 1.0, 0.8, 1.0), MotorModel(*[math.nan] * 4)]
+)
+def test_a_motor_within_its_tolerances_is_no_evidence(model: MotorModel):
+    """Nor is one of which the motion has shown nothing."""
+    assert wrong_motor(model) is None
