@@ -18,10 +18,12 @@ def benchmark(monkeypatch: pytest.MonkeyPatch):
     return import_module("run_population_benchmarks")
 
 
-def test_the_interval_of_wilson(benchmark):
-    """Ten of a hundred, and none: the rule of three is near the upper limit then."""
-    assert benchmark.interval(10, 100) == pytest.approx((0.0552, 0.1744), abs=1e-4)
-    assert benchmark.interval(0, 100) == pytest.approx((0.0, 0.0370), abs=1e-4)
+def test_the_exact_interval(benchmark):
+    """Values of the tables of Clopper and Pearson's bounds; without an alarm the upper one has a closed form."""
+    assert benchmark.interval(10, 100) == pytest.approx((0.04900, 0.17622), abs=1e-5)
+    assert benchmark.interval(1, 4) == pytest.approx((0.00631, 0.80588), abs=1e-5)
+    assert benchmark.interval(0, 100) == pytest.approx((0.0, 1.0 - 0.025**0.01), abs=1e-6)
+    assert benchmark.interval(100, 100) == pytest.approx((0.025**0.01, 1.0), abs=1e-6)
 
 
 def test_the_battery_of_a_unit(benchmark, tmp_path: Path):
@@ -34,11 +36,13 @@ def test_the_battery_of_a_unit(benchmark, tmp_path: Path):
 
 
 def test_the_table(benchmark):
-    """Tests without false alarms are in the last line only."""
+    """A test that was left out is no run; what the guard stops is counted."""
+    outcome = benchmark.Outcome
     units = {
-        1: {"s/good": benchmark.Outcome(Verdict.PASSED, ""), "s/bad": benchmark.Outcome(Verdict.FAILED, "too much")},
-        2: {"s/good": benchmark.Outcome(Verdict.PASSED, ""), "s/bad": benchmark.Outcome(Verdict.INCONCLUSIVE, "busy")},
+        1: {"s/good": outcome(Verdict.PASSED, ""), "s/bad": outcome(Verdict.FAILED, "too much", 2)},
+        2: {"s/good": outcome(Verdict.SKIPPED, ""), "s/bad": outcome(Verdict.INCONCLUSIVE, "busy")},
     }
-    *_, bad, everything = benchmark.table(units).splitlines()
-    assert bad.startswith("| bad | 2 | 1 | 50.00% | 9.45% to 90.55% | 1 |")
-    assert everything.startswith("| all | 4 | 1 | 25.00% |")
+    good, bad, everything = benchmark.table(units).splitlines()[2:]
+    assert good == "| good | 1 | 0 | 0.0% to 97.5% | 0 | 0 |"
+    assert bad == "| bad | 2 | 1 | 1.3% to 98.7% | 1 | 2 |"
+    assert everything.startswith("| all | 3 | 1 | 0.8% to")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rtf.testing.events import Message, SeriesRecorded
+from rtf.testing.events import Message, SeriesRecorded, SubResultEnded
 from rtf.testing.verdict import Severity, Verdict
 
 
@@ -15,10 +15,12 @@ def entry(name, test, inject="", **parameters):
 
 NECK = {"part": "head", "joints": "(2)", "cycles": 2}
 TORSO = {"part": "torso", "joints": "(0)", "cycles": 2}
+ROLL_PITCH = {"part": "torso", "joints": "(1 2)", "cycles": 2}
 SUITE = "".join([
     entry("position", "PositionControlAccuracy", **TORSO, home_tolerance=0.3),
     entry("position-gains", "PositionControlAccuracy", "wrong_gains torso_yaw", **TORSO),
     entry("position-jam", "PositionControlAccuracy", "jam torso_yaw torque=2000", **TORSO),
+    entry("position-weak", "PositionControlAccuracy", "motor_weak torso_roll", **ROLL_PITCH, overshoot=16),
     entry("position-own-gains", "PositionControlAccuracy", **TORSO, Kp=0.05, Kd=0),
     entry("position-too-short", "PositionControlAccuracy", **TORSO, step_duration=0.6),
     entry("external", "PositionControlAccuracyExternalPid", **NECK),
@@ -87,3 +89,12 @@ def test_what_cannot_be_tested_is_no_failure(outcome):
     assert "torque control" in outcome.detail("torque-head")
     assert outcome.verdict("torque-finger") is Verdict.ERROR
     assert "l_thumb_proximal" in outcome.detail("torque-finger")
+
+
+def test_a_joint_is_not_failed_for_a_motor_that_it_shares(outcome):
+    """The torque constant of one motor explains what both of its joints do; the joint of that motor fails."""
+    ended = {event.subject: event for event in outcome.of(SubResultEnded, test="s/position-weak")}
+    assert ended["torso_roll"].verdict is Verdict.FAILED, ended["torso_roll"].reason
+    assert ended["torso_pitch"].verdict is Verdict.INCONCLUSIVE, ended["torso_pitch"].reason
+    assert "overshoot is" in ended["torso_pitch"].reason
+    assert "the motor of torso_roll: its torque constant is" in ended["torso_pitch"].reason

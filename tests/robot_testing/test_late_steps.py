@@ -45,7 +45,7 @@ class Judging(StepTest):
 def judging():
     """A step test that has not judged yet."""
     test = Judging()
-    test.robot_name, test.robot_part = "bot", SimpleNamespace(name="left_arm", names=["elbow"], board=None)
+    test.robot_name, test.robot_part = "bot", SimpleNamespace(name="left_arm", names=["elbow"], board=None, guard=None)
     test.measured_values, test.reports, test.failed = {}, [], False
     return test
 

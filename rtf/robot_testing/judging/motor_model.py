@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 _FEWEST, _DRIVEN = 30, 0.5
 #: What has a greater standard error, as a share of what is expected, was not shown by the motion.
 _CERTAIN = 0.05
+#: What the model may leave of the currents, as a share of what the duty cycles drive. It leaves more where these change
+#: faster than the states show, as with a noisy encoder in the loop: then a current belongs to another duty cycle.
+_LEFT = 0.3
 #: What makes the error of a coefficient great that has no effect: a share of the squares, and a noise (A).
 _SINGULAR, _LEAST_NOISE = 1e-12, 1e-6
 _PER_CENT = 100.0
@@ -63,6 +66,9 @@ class MotorModel(NamedTuple):
         return (self.upwards - self.downwards) / self.gain
 
 
+_UNKNOWN = MotorModel(math.nan, math.nan, math.nan, math.nan)
+
+
 class WrongMotor(NamedTuple):
     """What a motor does not do as its drive says, in words, and the key of its likely causes."""
 
@@ -92,11 +98,13 @@ def motor_model(
     ways = [duties >= _DRIVEN, duties <= -_DRIVEN]
     driven = [way.sum() >= _FEWEST for way in ways]
     if not any(driven):
-        return MotorModel(math.nan, math.nan, math.nan, math.nan)
+        return _UNKNOWN
     of_duty = [np.maximum(duties, 0.0), np.minimum(duties, 0.0)] if all(driven) else [duties]
     columns = np.column_stack([*of_duty, speeds, np.ones(len(duties))])
-    values, errors = _fit(columns, currents)
+    values, errors, noise = _fit(columns, currents)
     ampere = supply / (_PER_CENT * drive.resistance)  # a per cent of duty cycle, at rest
+    if noise > max(_LEFT * ampere * float(np.std(duties)), drive.current_noise + drive.current_step):
+        return _UNKNOWN
     induced = math.radians(1.0) * drive.torque_constant / drive.resistance  # A less, a deg/s
     known = errors / np.array([ampere] * len(of_duty) + [induced, 1.0]) <= _CERTAIN
     shares = [float(value / ampere) if sure else math.nan for value, sure in zip(values, known[:-2], strict=False)]
@@ -107,11 +115,11 @@ def motor_model(
     return found._replace(constant=constant)
 
 
-def _fit(columns: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the coefficients of the model without the states that do not belong, and their standard errors."""
+def _fit(columns: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Return the coefficients without the states that do not belong, their standard errors, and the noise."""
     sizes = np.maximum(np.abs(columns).max(axis=0), 1e-9)
     scaled = columns / sizes
     found, noise, inside = robust_fit(scaled, values)
     squares = scaled[inside].T @ scaled[inside] + _SINGULAR * len(values) * np.eye(len(found))
     errors: FloatArray = max(noise, _LEAST_NOISE) * np.sqrt(np.diag(np.linalg.inv(squares)))
-    return found / sizes, errors / sizes
+    return found / sizes, errors / sizes, noise

@@ -106,6 +106,15 @@ def test_what_the_motion_does_not_show_is_unknown():
     assert math.isnan(still.uneven)
 
 
+def test_currents_that_belong_to_other_duty_cycles_show_nothing():
+    """With noise in the loop a duty cycle lasts for a millisecond, and the current is that of another one."""
+    duties, currents, speeds = states()
+    shaken = 40.0 * np.random.default_rng(3).standard_normal((2, len(duties)))
+    found = fitted(duties + shaken[0], currents + shaken[1] * SUPPLY / RESISTANCE / 100.0, speeds)
+    assert math.isnan(found.gain)
+    assert wrong_motor(found) is None
+
+
 @pytest.mark.parametrize(
     ("model", "text"),
     [
