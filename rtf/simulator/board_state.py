@@ -74,6 +74,8 @@ class BoardState(MotorBoard, BoardDriver):
         self.current_faults: list[Callable[[FloatArray, float], None]] = []
         self.torque_faults: list[Callable[[FloatArray, float], None]] = []
         self.plant_faults: list[Callable[[float], None]] = []
+        #: What else runs in each step, after the motors: emulated boards.
+        self.each_step: list[Callable[[float], None]] = []
         self.friction_faults: dict[int, dict[object, float]] = {}  # by degree of freedom: what each fault adds, Nm
         self.command_faults: list[Callable[[str, int, float], bool]] = []
         self.obeying_faults: list[Callable[[int], bool]] = []

@@ -73,6 +73,8 @@ class Boards(BoardState):
         self.motors.step(self.tick)
         for change in self.plant_faults:
             change(self.now)
+        for run in self.each_step:
+            run(self.now)
         self.tick += 1
         if not self.tick % SLOW:
             self.supervise()

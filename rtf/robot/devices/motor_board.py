@@ -324,6 +324,10 @@ class MotorBoard(DrivenBoard):
         self._deadline[axes] = self.now + self.driver.watchdog
         self._expired[axes] = False
 
+    def expire_after(self, axes: NDArray[np.intp], seconds: float) -> None:
+        """Let the present commands of axes expire after some seconds, not after those of the driver."""
+        self._deadline[axes] = self.now + seconds
+
     # Settings ----------------------------------------------------------------------------------------------------
 
     def refresh(self, axis: int) -> None:

@@ -1,0 +1,91 @@
+"""The state of a board that controls two joints: what it was told, what it measures, and its connection to the bus."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rtf.robot.control_modes import ControlMode
+from rtf.robot.devices.can.codes import BoardMode, BoardState, BoardType, CanState, JointFault
+from rtf.robot.devices.motor_board import ERROR_LIMIT, OVERCURRENT, OVERHEATED
+from rtf.simulator.firmware.parameters import AxisParameters
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rtf.robot.devices.can.messages import Message
+    from rtf.simulator.boards import Boards
+    from rtf.simulator.firmware.readings import Readings
+    from rtf.simulator.firmware.wire import Connection
+
+#: The axes of a board.
+AXES = 2
+_FAULTS = {OVERCURRENT: JointFault.OVERCURRENT, OVERHEATED: JointFault(0), ERROR_LIMIT: JointFault.OVERLOAD}
+_HOT = (BoardState.TEMPERATURE_1, BoardState.TEMPERATURE_2)
+_MOST = 255
+
+
+class JointBoardState:
+    """The state of a board at ``address`` with one or two ``axes`` of the robot, numbers of columns in ``boards``.
+
+    ``firmware`` and ``protocol`` are the versions that it claims. ``silent``: it is in its boot loader and neither
+    listens nor speaks. ``rejected`` counts the frames that were no messages for it. ``flash`` is what is left
+    after a reset.
+    """
+
+    connection: Connection
+
+    def __init__(
+        self,
+        address: int,
+        boards: Boards,
+        axes: Sequence[int],
+        readings: Readings,
+        *,
+        board_type: BoardType = BoardType.BLL,
+    ) -> None:
+        self.address: int | None = address
+        self.boards, self.axes, self.readings = boards, tuple(axes), readings
+        self.columns = (*self.axes, readings.none)[:AXES]  # of the readings
+        self.board_type = board_type
+        self.firmware, self.protocol = (3, 5, 0), (1, 6)
+        self.rejected = 0
+        self.flash: tuple[dict[str, tuple[float | bytes, ...]], ...] = tuple({} for _ in axes)
+        self.reset()
+
+    def reset(self) -> None:
+        """Start as after power-up: the motors off, the settings those in flash, nothing broadcast."""
+        self.mask = 0
+        self.silent = False
+        self.information = [bytes(4)] * 8
+        self.parameters = tuple(AxisParameters(float(self.boards.resolution[axis])) for axis in self.axes)
+        for parameters, written in zip(self.parameters, self.flash, strict=True):
+            parameters.written = dict(written)
+        for axis in self.axes:
+            if self.boards.mode[axis] != ControlMode.HARDWARE_FAULT:
+                self.boards.enter(axis, ControlMode.IDLE)
+
+    def send(self, message: Message, *values: float | bytes, axis: int = 0) -> None:
+        """Send a message of this board."""
+        if self.address is not None and not self.silent:
+            self.connection.send(message.frame(self.address, *values, axis=axis))
+
+    def status(self) -> tuple[int, ...]:
+        """Return faults and modes of both axes, the states of CAN and of the board, and the counts of errors."""
+        values: list[int] = []
+        state = 0
+        modes = self.readings.modes()
+        for place, axis in enumerate(self.columns):
+            faults, mode = 0, modes[axis]
+            if mode == BoardMode.HARDWARE_FAULT:
+                number = self.boards.faults[axis][0]
+                faults = int(_FAULTS.get(number, JointFault.EXTERNAL))
+                state |= _HOT[place] if number == OVERHEATED else 0
+            values += [faults, mode]
+        connection = self.connection
+        overflow = CanState.TX_OVERFLOW if connection.lost else 0
+        errors = min(connection.sender_errors, _MOST), min(connection.receiver_errors, _MOST)
+        return (*values, int(overflow), int(state), *errors)
+
+    def mode(self, place: int) -> int:
+        """Return the control mode of an axis of the board, a :class:`BoardMode`."""
+        return self.readings.modes()[self.axes[place]]

@@ -1,0 +1,200 @@
+"""A CAN bus in simulated time: arbitration, the time that frames take, errors, and nodes that go off the bus.
+
+In each step of a millisecond the frames that wait are sent in the order of their identifiers, for as long as there is
+time: a bus that is overloaded delays what has a high identifier. A frame that is disturbed is sent again, and counts as
+an error of its sender; after too many errors the sender is off the bus, as of ISO 11898-1.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from typing import TYPE_CHECKING, Protocol
+
+from rtf.robot.devices.can.frame_bits import frame_bits
+from rtf.robot.devices.can.messages import EVERYONE, HOST, MessageClass
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from rtf.robot.devices.can.messages import Frame
+
+    _Entry = tuple[int, int, Frame, "Connection"]  # identifier, order of arrival, frame and sender
+
+#: Bits a second.
+BIT_RATE = 1_000_000
+_BITS_A_STEP = BIT_RATE // 1000
+#: The frames of a node that may wait. Further ones are lost.
+QUEUE = 64
+#: An error counts eight for the sender and one for each receiver; a good frame takes one off.
+_SENDER_ERROR, _RECEIVER_ERROR = 8, 1
+#: The count of errors beyond which a sender goes off the bus.
+BUS_OFF = 255
+_MOST_RECEIVER_ERRORS = 127
+#: Bits of an error frame, with the space after it.
+_ERROR_BITS = 23
+_PERIODIC_TO_BOARDS = MessageClass.MOTOR_PERIODIC << 8 | HOST << 4 | EVERYONE
+_TO_BOARDS = frozenset({MessageClass.MOTOR_POLLING, MessageClass.SENSOR_POLLING, MessageClass.MANAGEMENT})
+
+
+class Node(Protocol):
+    """What is connected to a wire. ``address``: of a board; None of one that gets all frames."""
+
+    address: int | None
+    connection: Connection
+
+    def receive(self, frame: Frame, time: float) -> None:
+        """Take a frame, at the simulated time (s) of its end. Called within a step."""
+
+
+class Connection:
+    """A node's controller on a wire: what it sends, and its counts of errors.
+
+    ``lost`` counts the frames for which there was no room. ``off``: off the bus, until ``recover``.
+    """
+
+    def __init__(self, wire: Wire, node: Node) -> None:
+        self.node = node
+        self.sender_errors = self.receiver_errors = self.lost = self.waiting = 0
+        self.off = False
+        self._wire = wire
+
+    def send(self, frame: Frame) -> bool:
+        """Queue a frame; return whether there was room, and the node is on the bus."""
+        if self.off or self.waiting >= QUEUE:
+            self.lost += 1
+            return False
+        self.waiting += 1
+        self._wire.queue(frame, self)
+        return True
+
+    def recover(self) -> None:
+        """Return to the bus, without errors."""
+        self.off, self.sender_errors, self.receiver_errors = False, 0, 0
+
+    def count_error(self) -> None:
+        """Note that a frame of this node was disturbed."""
+        self.sender_errors += _SENDER_ERROR
+        if self.sender_errors > BUS_OFF:
+            self.off = True
+
+
+class Wire:
+    """A bus. Not thread-safe: used within the steps of a simulation.
+
+    ``disturbances`` are asked for each frame whether it is damaged; ``filters`` return what is delivered in place of a
+    frame. Both are faults, and empty on a healthy bus. ``bits`` counts all bits that were on the bus.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.bits = 0
+        self.disturbances: list[Callable[[Frame, float], bool]] = []
+        self.filters: list[Callable[[Frame, float], Iterable[Frame]]] = []
+        self._nodes: list[Connection] = []
+        self._boards: dict[int, list[Connection]] = {}
+        self._everything: list[Connection] = []  # the connections that get all frames
+        self._waiting: list[_Entry] = []
+        self._order = itertools.count()
+        self._debt = 0  # bits of the step that the last frame took beyond its end
+
+    def attach(self, node: Node) -> Connection:
+        """Connect a node. Several boards may have one address, as by a mistake."""
+        connection = Connection(self, node)
+        self._nodes.append(connection)
+        if node.address is None:
+            self._everything.append(connection)
+        else:
+            self._boards.setdefault(node.address, []).append(connection)
+        return connection
+
+    def detach(self, connection: Connection) -> None:
+        """Disconnect a node; what it still had to send is lost."""
+        self._nodes.remove(connection)
+        if connection in self._everything:
+            self._everything.remove(connection)
+        for boards in self._boards.values():
+            if connection in boards:
+                boards.remove(connection)
+        self._forget(connection)
+
+    def queue(self, frame: Frame, sender: Connection) -> None:
+        """Let a frame take part in the arbitration."""
+        heapq.heappush(self._waiting, (frame[0], next(self._order), frame, sender))
+
+    def step(self, now: float) -> None:
+        """Send for a millisecond, from the simulated time ``now`` (s) on."""
+        used, waiting = self._debt, self._waiting
+        while waiting and used < _BITS_A_STEP:
+            entry = heapq.heappop(waiting)
+            _, _, frame, sender = entry
+            rivals = self._rivals(entry) if waiting and waiting[0][0] == entry[0] else []
+            time = now + used / BIT_RATE
+            if rivals or (self.disturbances and any(damaged(frame, time) for damaged in self.disturbances)):
+                used += _ERROR_BITS
+                self._send_again([entry, *rivals])
+                continue
+            bits = frame_bits(frame)
+            used += bits
+            sender.waiting -= 1
+            if sender.sender_errors:
+                sender.sender_errors -= 1
+            self._deliver(frame, sender, now + used / BIT_RATE)
+        self.bits += used - self._debt
+        self._debt = max(0, used - _BITS_A_STEP)
+
+    def _rivals(self, first: _Entry) -> list[_Entry]:
+        """Take the frames of other nodes with the same identifier and other data: they spoil each other."""
+        same: list[_Entry] = []
+        while self._waiting and self._waiting[0][0] == first[0]:
+            same.append(heapq.heappop(self._waiting))
+        rivals: dict[Connection, _Entry] = {}
+        for entry in same:
+            if entry[3] is not first[3] and entry[2] != first[2] and entry[3] not in rivals:
+                rivals[entry[3]] = entry
+            else:
+                heapq.heappush(self._waiting, entry)
+        return list(rivals.values())
+
+    def _send_again(self, entries: list[_Entry]) -> None:
+        """Count an error of the senders of frames, and let the frames wait again."""
+        senders = [sender for *_, sender in entries]
+        for connection in self._nodes:
+            if connection in senders:
+                connection.count_error()
+            elif connection.receiver_errors < _MOST_RECEIVER_ERRORS:
+                connection.receiver_errors += _RECEIVER_ERROR
+        for entry in entries:
+            heapq.heappush(self._waiting, entry)
+        for sender in senders:
+            if sender.off:  # what it had to send is lost
+                sender.lost += sender.waiting
+                self._forget(sender)
+
+    def _forget(self, sender: Connection) -> None:
+        """Drop what a node has to send."""
+        sender.waiting = 0
+        self._waiting[:] = [entry for entry in self._waiting if entry[3] is not sender]
+        heapq.heapify(self._waiting)
+
+    def _deliver(self, frame: Frame, sender: Connection, time: float) -> None:
+        """Pass a frame to those that it is for."""
+        frames: Iterable[Frame] = (frame,)
+        for faulty in self.filters:
+            frames = [after for before in frames for after in faulty(before, time)]
+        for each in frames:
+            for receiver in self._receivers(each[0]):
+                if receiver is not sender and not receiver.off:
+                    if receiver.receiver_errors:
+                        receiver.receiver_errors -= 1
+                    receiver.node.receive(each, time)
+
+    def _receivers(self, identifier: int) -> list[Connection]:
+        """Return the nodes that take frames with an identifier: boards take requests and setpoints only."""
+        kind, source, destination = identifier >> 8, identifier >> 4 & 0xF, identifier & 0xF
+        if identifier != _PERIODIC_TO_BOARDS and (kind not in _TO_BOARDS or source != HOST):
+            return self._everything
+        if destination == EVERYONE:
+            return self._nodes
+        boards = self._boards.get(destination)
+        return self._everything if not boards else [*self._everything, *boards]
