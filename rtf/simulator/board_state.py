@@ -220,8 +220,9 @@ class BoardState(MotorBoard, BoardDriver):
 
     def motor_motion(self) -> tuple[FloatArray, FloatArray]:
         """Angles of the rotors (deg), as their encoders count them, and their speeds (deg/s)."""
-        turns = self._turns @ self._length
-        speeds = self._turns @ self._speed
+        gears = self.motors.gears
+        turns = self._turns @ gears.angles()
+        speeds = self._turns @ gears.speeds()
         for fault in self.motor_encoder_faults:
             fault(turns, speeds, self.now)
         ticks = self._rotor_ticks

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy import maximum, minimum, subtract
 
+from rtf.simulator.gears import Gears
 from rtf.simulator.position_gains import FULL
 
 if TYPE_CHECKING:
@@ -74,6 +75,7 @@ class Motors:
         self.faults: list[Callable[[Windings], None]] = []
         self.short_circuits = np.zeros(count)  # A, beside the windings
         plant.model.actuator_ctrllimited[:] = 0  # amplifiers limit currents, and supplies voltages
+        self.gears = Gears(plant, data)
         self._speeds: FloatArray = data.actuator_velocity
         self._ctrl: FloatArray = data.ctrl
         self._inputs = np.zeros(2 * count)
@@ -145,6 +147,8 @@ class Motors:
         """Drive the axes by the wanted torques. Without allocations: it is called a thousand times a second."""
         current = self.current
         self._turning[:] = self._speeds
+        if len(self.gears.flexible):
+            self.gears.turn(self._turning)
         np.dot(self._to_currents, self._inputs, out=current)
         if not tick % _BOUND:
             self._bound()
@@ -153,6 +157,8 @@ class Motors:
         minimum(current, self._most, out=current)
         maximum(current, self._least, out=current)
         np.dot(self._to_torques, current, out=self._ctrl)
+        if len(self.gears.flexible):
+            self.gears.step(self._ctrl)
 
     def _bound(self) -> None:
         """Compute the bounds of the currents from the supply, and of controlled ones from the peak currents, too.
@@ -178,6 +184,8 @@ class Motors:
         """Exert torques at axes at rest, before the first step (Nm)."""
         self.wanted[:] = torques
         self.step(0)
+        if len(self.gears.flexible):
+            self.gears.rest(torques)
 
     # What the boards measure --------------------------------------------------------------------------------------
 

@@ -49,6 +49,10 @@ class Simulation:
         self.data: Any = plant.data()
         self.friction = DryFriction(plant, self.data)
         self.boards = Boards(plant, self.data, seed)
+        gears = self.boards.motors.gears
+        gears.on_change = self.friction.adapt
+        if len(gears.flexible):
+            self.friction.adapt()
         self.friction.reset()
         self.lock = self.boards.lock
         self.on_reset: list[Callable[[], None]] = []

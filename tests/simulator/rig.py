@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+import dataclasses
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +12,19 @@ from rtf.robot.control_modes import ControlMode
 from rtf.simulator.part import SimulatedPart
 from rtf.simulator.plant import Options
 from rtf.simulator.simulation import Simulation
+
+if TYPE_CHECKING:
+    from rtf.simulator.plant import Plant
+
+
+def with_axes(plant: Plant, **changes: Any) -> Plant:
+    """Return a plant with other values of all axes, such as ``stribeck``; the model of the engine is the same."""
+    robot = plant.robot
+    parts = {
+        name: dataclasses.replace(part, axes=tuple(dataclasses.replace(axis, **changes) for axis in part.axes))
+        for name, part in robot.parts.items()
+    }
+    return dataclasses.replace(plant, robot=dataclasses.replace(robot, parts=parts))
 
 
 class Rig:

@@ -16,6 +16,8 @@ from rtf.robot.model.engine import mujoco
 from rtf.simulator.friction import DryFriction
 from rtf.simulator.plant import Options
 
+from .rig import with_axes
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -30,15 +32,20 @@ ELBOW, FINGER = INDEX["l_elbow"], INDEX["l_index_proximal"]
 
 @cache
 def built() -> Plant:
-    """A robot with friction alone to brake it, to be copied."""
-    return build_icub(Options(damping=False, collision="none"))
+    """A robot with dry friction alone to brake it, to be copied."""
+    return with_axes(build_icub(Options(damping=False, collision="none")), stribeck=0.0)
 
 
 class Joint:
-    """One joint of a robot that is free from gravity; ``engine``: with the engine's friction instead of ours."""
+    """One joint of a robot that is free from gravity; ``engine``: with the engine's friction instead of ours.
 
-    def __init__(self, axis: int, *, engine: bool = False) -> None:
+    ``stribeck`` is what friction at rest has more, a share.
+    """
+
+    def __init__(self, axis: int, *, engine: bool = False, stribeck: float = 0.0) -> None:
         robot = dataclasses.replace(built(), model=copy.copy(built().model))
+        robot = with_axes(robot, stribeck=stribeck)
+        self.rubbed = 0.0  # Nm, by the friction in the last step
         robot.model.opt.gravity[:] = 0.0
         self.model, self.data = robot.model, robot.data()
         self.axis, self.dof = axis, int(robot.dofs[axis][0])
@@ -57,7 +64,9 @@ class Joint:
             mujoco().mj_step1(self.model, self.data)
             self.data.qfrc_applied[self.dof] = torque
             self.data.ctrl[self.axis] = drive(number) / self.ratio
+            before = float(self.data.qfrc_passive[self.dof])
             self._rub()
+            self.rubbed = float(self.data.qfrc_passive[self.dof]) - before
             mujoco().mj_step2(self.model, self.data)
 
     @property
@@ -150,6 +159,63 @@ def test_what_is_stopped_is_not_pushed_on(axis: int):
     there = joint.at
     joint.run(0.5)
     assert there - 0.03 < joint.at < there + 0.001
+
+
+@pytest.mark.parametrize("axis", [ELBOW, FINGER])
+def test_friction_is_greatest_at_rest(axis: int):
+    """With half as much again at rest, it bears 1.45 times the dry friction, and not 1.55 times."""
+    joint = Joint(axis, stribeck=0.5)
+    begin = joint.at
+    for share in np.linspace(0.0, 1.45, 200):
+        joint.run(0.005, share * joint.most)
+    assert abs(joint.at - begin) < 0.3
+    joint.run(0.3, 1.55 * joint.most)
+    assert joint.at > begin + 1.0
+
+
+@pytest.mark.parametrize("speed", [0.2, 3.0, 60.0])
+def test_friction_falls_with_the_speed(speed: float):
+    """By the form of Hess and Soom: half of what it has more is left at 3 deg/s, nearly nothing at 60."""
+    joint = Joint(ELBOW, stribeck=0.5)
+    joint.throw(60.0)
+    joint.run(0.02)
+    for _ in range(20 + round(200 / speed)):  # a fifth of a degree, as the spring has to be stretched anew
+        joint.throw(speed)
+        joint.run(0.001, -joint.rubbed)
+    wanted = joint.most * (1 + 0.5 / (1 + (speed / 3.0) ** 2))
+    assert -joint.rubbed == pytest.approx(wanted, rel=0.01)
+
+
+@pytest.mark.parametrize("axis", [ELBOW, FINGER])
+def test_friction_gives_no_energy(axis: int):
+    """However the joint is driven, what its friction gives in all is no more than its spring can hold."""
+    joint = Joint(axis, stribeck=0.5)
+    random = np.random.default_rng(1)
+    given = most = 0.0
+    for _ in range(60):
+        torque, before = float(random.uniform(-3, 3)) * joint.most, joint.data.qpos[joint.dof]
+        for _ in range(20):
+            joint.run(0.001, torque)
+            given += joint.rubbed * float(joint.data.qpos[joint.dof] - before)
+            before = joint.data.qpos[joint.dof]
+            most = max(most, given)
+    deflection = np.radians(0.3)  # the greatest one of the test above
+    assert given < -10.0 * joint.most * deflection
+    assert most <= 1.5 * joint.most * deflection / 2
+
+
+@pytest.mark.parametrize(("stribeck", "sticks"), [(0.0, False), (0.5, True)])
+def test_a_joint_that_is_pulled_slowly_sticks_and_slips(stribeck: float, sticks: bool):
+    """Pulled by a soft spring at 2 deg/s: without more friction at rest it follows, with it it moves in jerks."""
+    joint = Joint(ELBOW, stribeck=stribeck)
+    begin, speeds = joint.at, []
+    for number in range(3000):
+        ahead, faster = begin + 2.0 * number / 1000 - joint.at, 2.0 - joint.speed
+        joint.run(0.001, 20.0 * np.radians(ahead) + 0.1 * np.radians(faster))
+        speeds.append(joint.speed)
+    later = np.array(speeds[1500:])
+    assert bool(np.mean(np.abs(later) < 0.1) > 0.3) is sticks
+    assert bool(later.max() > 4.0) is sticks
 
 
 def test_without_friction_nothing_is_added():

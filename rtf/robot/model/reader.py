@@ -45,6 +45,10 @@ _MEASURED, _ORIGINS = "measured on ", ("chosen", UNVALIDATED)
 _SUBJECTS = frozenset({"name", "description", "robot", "part", "joints", "inject"})
 #: The share of the range of a prismatic joint that stands for a degree in tests: the whole is one of a hundred degrees.
 SHARE = 0.01
+#: What friction at rest has more, a share of the dry friction, and the speed (deg/s of the joint) at which half of that
+#: is left: near those of an industrial robot's joints with their gears and grease, 1.35 times and some rad/s of the
+#: motor (Bittencourt and Gunnarsson, "Static friction in a robot joint", 2012).
+STRIBECK, STRIBECK_SPEED = 0.3, 3.0
 #: A coupling with a greater condition number cannot be inverted to any use.
 _SINGULAR = 1e6
 
@@ -275,7 +279,11 @@ class _Reading:
             rotor_resolution=motor.rotor_resolution,
             armature=value("armature"),
             friction=value("friction"),
+            stribeck=_first(value("stribeck"), STRIBECK),
+            stribeck_speed=_first(value("stribeck_speed"), STRIBECK_SPEED * (degree if prismatic else 1.0)),
             damping=value("damping"),
+            play=_first(value("play"), 0.0),
+            stiffness=value("stiffness"),
             home=home,
             nominal_current=motor.nominal_current,
             peak_current=motor.peak_current,

@@ -42,7 +42,11 @@ class Axis:
     rotor_resolution: float  # ticks a turn of the motor encoder
     armature: float | None  # kg m2 (kg), the rotor's inertia seen from the axis; None: as in the description
     friction: float | None  # Nm (N), dry; likewise
+    stribeck: float  # what friction at rest has more, a share of the dry friction
+    stribeck_speed: float  # unit/s, at which half of that is left
     damping: float | None  # Nm s/rad (N s/m); likewise
+    play: float  # unit, the whole play of its gear
+    stiffness: float | None  # Nm/rad (N/m) of its gear; None: rigid
     home: float  # unit, a pose in which nothing touches
     nominal_current: float  # A
     peak_current: float  # A

@@ -153,7 +153,7 @@ def _disagreement(joint: int, name: str, shown: FloatArray, true: FloatArray) ->
             return Evidence(accused, f"{name}: joint and motor encoder count in opposite directions", ("sign",))
         text = f"{name}: the joint's encoder shows {ratio:.2f} times the motion of the motor's"
         return Evidence(accused, text, ("ratio",))
-    return Evidence(accused, f"{name}: joint and motor encoder disagree: {seen}", ("noise", "drift"))
+    return Evidence(accused, f"{name}: joint and motor encoder disagree: {seen}", ("noise", "drift", "backlash"))
 
 
 def _exchanged_joints(motion: Motion, wrong: list[int], names: Sequence[str], bounds: Tolerance) -> Iterator[Evidence]:

@@ -187,22 +187,6 @@ class EncoderNoise(EncoderFault):
         position[self.axis] += self.simulation.random.normal(0.0, self.deviation)
 
 
-class Backlash(MotorEncoderFault):
-    """Play between rotor and joint."""
-
-    kind = "backlash"
-    description = "The gearbox has play: the rotor turns a bit before the joint does."
-    symptom = "The motor encoder leads the joint by half the play, on the side to which it drives."
-    parameters = (Parameter("play", 3.0, "deg", "the whole play, as an angle of the joint", 0.0, 90.0),)
-    play: float
-
-    def show(self, position: FloatArray, velocity: FloatArray, now: float) -> None:
-        del velocity, now
-        towards = 1.0 if self.boards.output[self.axis] > 0 else -1.0
-        column = self.boards.joint_to_motor[:, self.axis] * self.boards.gearbox
-        position += column * towards * self.play / 2
-
-
 class _TorqueFault(AxisFault):
     """A fault of the torque sensing of a joint."""
 
@@ -259,7 +243,6 @@ KINDS = (
     MotorEncoderScale,
     MotorEncoderSign,
     MotorEncoderFrozen,
-    Backlash,
     TorqueBias,
     TorqueScale,
 )

@@ -12,6 +12,7 @@ from rtf.simulator.faults import (
     depth,
     encoder_errors,
     encoders,
+    gears,
     mechanics,
     network,
     sensor_scale,
@@ -30,6 +31,7 @@ KINDS: Mapping[str, type[Fault]] = {
     kind.kind: kind
     for layer in (
         mechanics,
+        gears,
         amplifiers,
         sticky,
         encoders,
