@@ -177,6 +177,13 @@ RTF = Command(
             commands=_SIMULATOR,
             group="robot",
         ),
+        Command(
+            "can-boards",
+            "",
+            "run the emulated boards of a robot on CAN buses",
+            "rtf.cli.can_boards:can_boards",
+            group="robot",
+        ),
         Command("robot", "COMMAND", "robots as data: list, check, new, test", commands=_ROBOT, group="robot"),
         Command("version", "", "the version of the framework", "rtf.cli.commands:version", group="other"),
     ),

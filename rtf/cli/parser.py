@@ -131,3 +131,11 @@ def add_place_options(group: argparse._ActionsContainer) -> None:
         default="127.0.0.1",
         help="the address it is served on (default 127.0.0.1: this machine only; 0.0.0.0: every network)",
     )
+
+
+def parts(text: str) -> tuple[str, ...]:
+    """Return the names of parts of a robot, which are separated by commas."""
+    names = tuple(part.strip() for part in text.split(",") if part.strip())
+    if not names:
+        raise argparse.ArgumentTypeError("write the names of parts, with commas between")
+    return tuple(dict.fromkeys(names))

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtf.cli.parser import Parser, add_dialect, count, key_value, seconds
+from rtf.cli.parser import Parser, add_dialect, count, key_value, parts, seconds
 from rtf.errors import RtfError
 from rtf.robot.model.names import DEFAULT_ROBOT
 from rtf.testing.verdict import ExitCode
@@ -107,7 +107,7 @@ def _parser() -> Parser:
         help=f"a robot of 'rtf robot list', or the path of a robot.toml (default: {DEFAULT_ROBOT})",
     )
     parser.add_argument("--robot", metavar="NAME", type=_robot, help="the beginning of its ports (default: MODELSim)")
-    parser.add_argument("--parts", metavar="A,B", type=_parts, default=(), help="the parts to serve (default: all)")
+    parser.add_argument("--parts", metavar="A,B", type=parts, default=(), help="the parts to serve (default: all)")
     parser.add_argument("--seed", metavar="N", type=count, default=0, help="where all that is random begins")
     parser.add_argument(
         "--unit", metavar="N", type=count, default=0, help="the robot of the population (default: 0, the nominal one)"
@@ -166,13 +166,6 @@ def _port(text: str) -> str:
     from rtf.cli.network.options import own_name
 
     return own_name(text)
-
-
-def _parts(text: str) -> tuple[str, ...]:
-    parts = tuple(part.strip() for part in text.split(",") if part.strip())
-    if not parts:
-        raise argparse.ArgumentTypeError("write the names of parts, with commas between")
-    return tuple(dict.fromkeys(parts))
 
 
 def _factor(text: str) -> float:

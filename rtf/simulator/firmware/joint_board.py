@@ -48,6 +48,7 @@ class JointBoard(JointBoardState):
         board_type: BoardType = BoardType.BLL,
     ) -> None:
         super().__init__(address, boards, axes, readings, board_type=board_type)
+        self.wire = wire
         self.connection = wire.attach(self)
         #: What is sent in the milliseconds of a cycle, if the host has asked for it.
         self._phases = (

@@ -1,0 +1,93 @@
+"""The program of the emulated boards: the robot in real time, its buses as buses of python-can, signals and end."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from rtf import clock
+from rtf.errors import RtfError
+from rtf.robot.devices.can.bus_settings import BusSettings
+from rtf.robot.interface.signals import signal_listener
+from rtf.simulator.firmware.boards_on_buses import Firmware
+from rtf.simulator.firmware.bridge import Bridge
+from rtf.simulator.plant import Options, build
+from rtf.simulator.simulation import Simulation
+
+if TYPE_CHECKING:
+    import signal
+    from collections.abc import Iterator
+
+    from rtf.robot.model import RobotModel
+
+FINE, FAILED = 0, 1
+MULTICAST = "udp_multicast"
+#: Simulated seconds between two looks whether the program is to end.
+_STRIDE = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class BoardsProgram:
+    """What the command line says. ``channel`` with ``{}``: the place of the number of each bus.
+
+    With ``udp_multicast``, whose channel is a group, the buses have the ports from ``port`` on instead.
+    """
+
+    model: RobotModel
+    interface: str
+    channel: str
+    port: int
+    parts: tuple[str, ...] = ()  # all
+    seed: int = 0
+    unit: int = 0
+
+    def buses(self, names: list[str]) -> Iterator[tuple[str, BusSettings]]:
+        """Yield the settings of each bus, by its name."""
+        for number, name in enumerate(names):
+            settings = BusSettings(self.interface, self.channel.replace("{}", str(number)))
+            if self.interface == MULTICAST:
+                settings = replace(settings, options=(("port", self.port + number),))
+            yield name, settings
+
+
+def run_boards(program: BoardsProgram) -> int:
+    """Run the boards until a signal ends them; return the exit code. To be called in the main thread."""
+    end = threading.Event()
+
+    def on_signal(number: signal.Signals) -> None:
+        _say(f"{number.name}: ends")
+        end.set()
+
+    began = clock.monotonic()
+    with signal_listener(on_signal), ExitStack() as opened:
+        try:
+            simulation = Simulation(build(program.model, Options(unit=program.unit)), seed=program.seed, factor=1.0)
+            firmware = Firmware(simulation, program.parts)
+            for name, settings in program.buses(list(firmware.wires)):
+                bridge = Bridge(firmware.wires[name], settings, simulation, _warn)
+                opened.callback(bridge.close)
+                boards = [board for board in firmware.boards if board.wire is bridge.wire]
+                addresses = ", ".join(f"{board.address} {board.board_type.name}" for board in boards)
+                _say(f"{name}: {settings.name} {dict(settings.options) or ''}: boards {addresses}")
+        except (RtfError, OSError) as error:
+            _say(f"FAILED: the boards of {program.model.name} could not be started: {error}")
+            return FAILED
+        took = clock.monotonic() - began
+        _say(f"READY in {took:.2f} s: boards {len(firmware.boards)}, buses {len(firmware.wires)}")
+        while not end.is_set():
+            simulation.advance(simulation.now + _STRIDE)
+    return FINE
+
+
+def _warn(sentence: str) -> None:
+    _say(f"[WARNING] {sentence}")
+
+
+def _say(sentence: str) -> None:
+    """Print a line to stderr. A closed stderr is ignored."""
+    with suppress(OSError, ValueError):
+        sys.stderr.write(f"{sentence}\n")
+        sys.stderr.flush()
