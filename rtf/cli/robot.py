@@ -62,6 +62,7 @@ def check_robot(words: Sequence[str]) -> int:
     from rtf.robot_testing.thresholds import wrong_thresholds
     from rtf.simulator.plant import Options, build
     from rtf.simulator.poses import problems_of
+    from rtf.simulator.skin import covered_shape
 
     parser = Parser(prog="rtf robot check", description="Look at a robot: its joints, its drives, what was assumed.")
     parser.add_argument("robot", metavar="ROBOT", help=f"its name, or the path of its {FILE}")
@@ -75,6 +76,8 @@ def check_robot(words: Sequence[str]) -> int:
     gravity = plant.axis_torques(data.qfrc_bias).tolist()
     _print_joints(robot, gravity)
     _print_coverage(robot, _suites(robot)[0])
+    for name, patch in robot.sensors.skin.items():
+        covered_shape(name, patch, plant)
     problems = [*problems_of(plant), *wrong_thresholds(robot)]
     for sentence in robot.assumed:
         print(f"assumed: {sentence}")
@@ -114,8 +117,9 @@ def _draw(plant: Plant, path: Path) -> None:
 
     from rtf.simulator.cameras import Camera
     from rtf.simulator.poses import poses, standing
+    from rtf.simulator.scene import OUTSIDE
 
-    with Camera(plant.model, "outside", *_PICTURE) as camera:
+    with Camera(plant.model, OUTSIDE, *_PICTURE) as camera:
         pictures = {name: Image.fromarray(camera.render(standing(plant, axes))) for name, axes in poses(plant).items()}
     width, height = _PICTURE
     whole = Image.new("RGB", (width * len(pictures), height))
@@ -213,7 +217,7 @@ def _suites(robot: RobotModel) -> tuple[list[str], dict[str, str]]:
         if not why
         for word in ("--suite", str(folder / f"simulated-{name}.xml"))
     ]
-    defined = {"model": str(robot.folder / FILE), "parts": " ".join(robot.parts), "torque_parts": " ".join(torque)}
+    defined = {"model": str(robot.file), "parts": " ".join(robot.parts), "torque_parts": " ".join(torque)}
     defined["seed"] = defined["unit"] = "0"  # a later --define counts
     needed = ["model", "seed", "unit", "parts", *(["torque_parts"] if torque else [])]
     defines = [word for name in needed for word in ("--define", f"{name}={defined[name]}")]

@@ -12,12 +12,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from rtf.errors import did_you_mean
 from rtf.robot.model.engine import mujoco
 from rtf.robot.model.errors import RobotModelError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
+    from rtf.robot.model import RobotModel
     from rtf.robot.model.file import Outline
 
 #: Groups in a viewer: the collision shapes, and the shapes that the cameras show.
@@ -25,16 +25,37 @@ COLLISION_GROUP = 3
 VISUAL_GROUP = 1
 
 
-def add_outlines(spec: Any, outlines: Sequence[Outline]) -> list[Any]:
-    """Add outlines to the robot's links; they are massless, as the description has the links' inertia."""
-    return [_add(spec, shape, index) for index, shape in enumerate(outlines)]
+def add_outlines(spec: Any, robot: RobotModel) -> list[Any]:
+    """Add outlines to the robot's links; they are massless, as the description has the links' inertia.
+
+    Raises RobotModelError for a link that the description does not have.
+    """
+    return [
+        _add(
+            link_of(spec, robot, shape.link, f"the outline {index}", "body", "outlines", str(index), "link"),
+            shape,
+            index,
+        )
+        for index, shape in enumerate(robot.body.outlines)
+    ]
 
 
-def _add(spec: Any, shape: Outline, index: int) -> Any:
-    types = mujoco().mjtGeom
-    body = spec.body(shape.link)
+def link_of(spec: Any, robot: RobotModel, link: str, what: str, *keys: str) -> Any:
+    """Return the body of a link. ``keys`` are those of ``what`` in robot.toml.
+
+    Raises RobotModelError, with the line, for a link that the description does not have.
+    """
+    body = spec.body(link)
     if body is None:
-        raise RobotModelError(f"the outline {index} is of the link {shape.link!r}, which the description does not have")
+        raise RobotModelError(
+            f"{robot.place(*keys)}: {what} is on {link!r}, which {robot.description.name} does not have"
+            f"{did_you_mean(link, [one.name for one in spec.bodies])}"
+        )
+    return body
+
+
+def _add(body: Any, shape: Outline, index: int) -> Any:
+    types = mujoco().mjtGeom
     name = f"{shape.link}_c{index}"
     if shape.start is None or shape.end is None:
         return body.add_geom(name=name, type=types.mjGEOM_BOX, pos=shape.centre, size=shape.half, mass=0)

@@ -45,6 +45,10 @@ _SLACK, _SHARE = 0.008, 0.1
 _LOST, _MOST_DRY = 5.0, 0.1
 #: Limits of a joint without any (deg, m), and the speed up to which a robot on a bench is moved (deg/s, m/s).
 _TURN, _SLIDE, _FAST, _FAST_SLIDE = 180.0, 0.1, 180.0, 0.25
+#: A minimum-jerk move over a way *d* with the peak speed *v* accelerates by up to ``_JERK v² / d``. At the greatest
+#: speed, over half the range, that takes this share of the torque that gravity leaves: a controller that gives its
+#: whole output in healthy moves cannot be told from one whose joint is blocked.
+_JERK, _ACCELERATING = 10 / math.sqrt(3) / (15 / 8) ** 2, 0.5
 
 
 @dataclass(slots=True)
@@ -54,6 +58,28 @@ class Draft:
     text: str
     joints: int
     assumed: list[str] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class _Assumptions:
+    """What a draft assumes: sentences, and the joints that are slower than their descriptions say, for two reasons."""
+
+    lines: list[str]
+    slowed: list[str] = field(default_factory=list)
+    heavy: list[str] = field(default_factory=list)
+
+    def sentences(self) -> list[str]:
+        """Return all of it as sentences."""
+        found = list(self.lines)
+        if self.slowed:
+            names = ", ".join(self.slowed)
+            found.append(f"at most {_FAST:g} deg/s, on a slide {_FAST_SLIDE:g} m/s, as on a bench: {names}")
+        if self.heavy:
+            found.append(
+                f"slower than described, so that moves over half the range accelerate with {_ACCELERATING:.0%} of the "
+                f"torque that gravity leaves: {', '.join(self.heavy)}"
+            )
+        return found
 
 
 @dataclass(slots=True)
@@ -79,13 +105,12 @@ def draft(name: str, description: Path, source: str) -> Draft:
         raise RefusedError(f"{description}: it has no joint that turns or slides, so there is nothing to test")
     loads = _loads(description, [joint.name for joint in joints.values()])
     places = {joint: place for place, joint in enumerate(joints)}
-    assumed = _general_assumptions(description, mimics)
-    parts, slowed = [], list[str]()
+    made = _Assumptions(_general_assumptions(description, mimics))
+    parts = []
     for part, members in _parts(description, driven):
-        rows = [_joint(joint, loads, places[joint.name], assumed, slowed) for joint in members]
+        rows = [_joint(joint, loads, places[joint.name], made) for joint in members]
         parts.append(f"[parts.{part}.joints]\n" + "\n".join(rows) + "\n")
-    if slowed:
-        assumed.append(f"at most {_FAST:g} deg/s, on a slide {_FAST_SLIDE:g} m/s, as on a bench: {', '.join(slowed)}")
+    assumed = made.sentences()
     away = np.round(loads.centre + np.array([1.4, 1.0, 0.5]) * max(loads.extent, 0.3), 3)
     listed = "\n".join(f"    {_quoted(line)}," for line in assumed)
     text = _HEAD.format(name=name, source=source, assumed=listed) + "\n" + "\n".join(parts)
@@ -150,7 +175,7 @@ def _general_assumptions(description: Path, mimics: Sequence[str]) -> list[str]:
     return found
 
 
-def _joint(joint: JointDescription, loads: _Loads, place: int, assumed: list[str], slowed: list[str]) -> str:
+def _joint(joint: JointDescription, loads: _Loads, place: int, made: _Assumptions) -> str:
     """Return the line of a joint."""
     words = []
     most_way = _SLIDE if joint.prismatic else _TURN
@@ -158,30 +183,44 @@ def _joint(joint: JointDescription, loads: _Loads, place: int, assumed: list[str
     radian = math.degrees(SHARE * (high - low)) if joint.prismatic else 1.0  # m that stand for one
     if joint.limits is None:
         words.append(f"limits = [{low}, {high}]")
-        assumed.append(f"{joint.name}: it has no limits; {low:g} to {high:g}")
+        made.lines.append(
+            f"{joint.name}: the description has no limits for it, or no range between them; {low:g} to {high:g}"
+        )
     torque = joint.effort or 0.0
-    need = float(loads.gravity[place])
+    need, inertia = float(loads.gravity[place]), float(loads.inertia[place])
     if torque < _BEARING * need or not torque:
         torque = float(f"{max(_STRENGTH * need, _WEAKEST):.3g}")
         reason = f"less than gravity needs of a motor ({_BEARING * need:.3g})" if joint.effort else "none"
-        assumed.append(f"{joint.name}: its effort in the description is {joint.effort or 0:g}, {reason}; {torque:g}")
+        made.lines.append(f"{joint.name}: its effort in the description is {joint.effort or 0:g}, {reason}; {torque:g}")
         words.append(f"max_torque = {torque}")
-    fast = min(_FAST_SLIDE, math.radians(_FAST) * radian) if joint.prismatic else _FAST
-    speed = joint.max_velocity or fast / 2
-    if speed > fast:
-        slowed.append(joint.name)
-        speed = fast
+    rotor = max(_ROTOR * inertia, joint.armature)
+    speed = _speed(joint, high - low, radian, (torque - need) / (inertia + rotor), made)
     words.append(f"max_velocity = {speed:.6g}")
     swiftest = speed if joint.prismatic else math.radians(speed)
-    rotor = max(_ROTOR * float(loads.inertia[place]), joint.armature, _TIME_CONSTANT * torque / swiftest)
+    rotor = max(rotor, _TIME_CONSTANT * torque / swiftest)
     words.append(f"armature = {rotor:.3g}")
-    friction, damping = _friction(joint, torque, swiftest, (rotor, radian), assumed)
+    friction, damping = _friction(joint, torque, swiftest, (rotor, radian), made.lines)
     words.append(f"friction = {friction:.3g}")
     words.append(f"damping = {damping:.3g}")
     if joint.prismatic:
         words.append("prismatic = true")
         words.append("gearbox = 1000.0")
     return f"{_key(joint.name)} = {{ {', '.join(words)} }}"
+
+
+def _speed(joint: JointDescription, way: float, radian: float, acceleration: float, made: _Assumptions) -> float:
+    """Return the greatest speed of a joint (deg/s, m/s), and note if it is less than that of the description.
+
+    ``way`` is its range (deg, m), ``radian`` what stands for a radian, and ``acceleration`` (rad/s², m/s²) what the
+    torque that gravity leaves gives to the whole inertia.
+    """
+    bench = min(_FAST_SLIDE, math.radians(_FAST) * radian) if joint.prismatic else _FAST
+    speed = joint.max_velocity or bench / 2
+    scale = 1.0 if joint.prismatic else math.degrees(1.0)
+    followed = math.sqrt(_ACCELERATING * acceleration * scale * way / 2 / _JERK)
+    if speed > min(bench, followed):
+        (made.slowed if bench <= followed else made.heavy).append(joint.name)
+    return min(speed, bench, followed)
 
 
 def _friction(

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from rtf.robot.model.engine import mujoco
 from rtf.robot.model.errors import RobotModelError
+from rtf.simulator.collisions import link_of
+from rtf.simulator.scene import OUTSIDE
 
 if TYPE_CHECKING:
     import numpy as np
@@ -52,14 +54,22 @@ class ImuSensor:
 
 
 def add_sensors(spec: Any, robot: RobotModel) -> None:
-    """Add the robot's sensors to its links. Raises RobotModelError for a link that the description does not have."""
+    """Add the robot's sensors to its links.
+
+    Raises RobotModelError for a link or a camera that the description does not have.
+    """
+    _check_cameras(spec, robot)
+    for name, patch in robot.sensors.skin.items():
+        link_of(spec, robot, patch.link, f"the skin {name}", "sensors", "skin", name, "link")
     kinds, site = mujoco().mjtSensor, mujoco().mjtObj.mjOBJ_SITE
     for name, sensor in robot.sensors.force_torque.items():
-        _link(spec, name, sensor.link).add_site(name=name)
+        link = link_of(spec, robot, sensor.link, f"the sensor {name}", "sensors", "force_torque", name, "link")
+        link.add_site(name=name)
         spec.add_sensor(name=f"{name}/force", type=kinds.mjSENS_FORCE, objtype=site, objname=name)
         spec.add_sensor(name=f"{name}/torque", type=kinds.mjSENS_TORQUE, objtype=site, objname=name)
     for name, unit in robot.sensors.inertial.items():
-        _link(spec, name, unit.link).add_site(name=name, pos=unit.position, quat=_quaternion(*unit.rotation))
+        link = link_of(spec, robot, unit.link, f"the sensor {name}", "sensors", "inertial", name, "link")
+        link.add_site(name=name, pos=unit.position, quat=_quaternion(*unit.rotation))
         for kind, what in (
             (kinds.mjSENS_FRAMEQUAT, "orientation"),
             (kinds.mjSENS_GYRO, "gyroscope"),
@@ -69,11 +79,15 @@ def add_sensors(spec: Any, robot: RobotModel) -> None:
             spec.add_sensor(name=f"{name}/{what}", type=kind, objtype=site, objname=name)
 
 
-def _link(spec: Any, sensor: str, link: str) -> Any:
-    body = spec.body(link)
-    if body is None:
-        raise RobotModelError(f"the sensor {sensor} is on the link {link!r}, which the description does not have")
-    return body
+def _check_cameras(spec: Any, robot: RobotModel) -> None:
+    known = [camera.name for camera in spec.cameras] + [OUTSIDE]
+    for kind in ("cameras", "depth_cameras"):
+        for name, sensor in getattr(robot.sensors, kind).items():
+            if sensor.camera not in known:
+                raise RobotModelError(
+                    f"{robot.place('sensors', kind, name, 'camera')}: {robot.description.name} has no camera "
+                    f"{sensor.camera!r}; there are {', '.join(known)}"
+                )
 
 
 def ft_sensors(model: Any, robot: RobotModel) -> tuple[FtSensor, ...]:

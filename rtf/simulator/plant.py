@@ -173,15 +173,15 @@ def _set_engine(spec: Any, options: Options) -> None:
 def _attach(spec: Any, robot: RobotModel) -> list[Any]:
     """Add the bodies that the description lacks; return their shapes."""
     before = {body.name for body in spec.bodies}
-    for attachment in robot.body.attach:
-        body = spec.body(attachment.body)
+    for number, attachment in enumerate(robot.body.attach):
+        keys = ("body", "attach", str(number))
+        body = collisions.link_of(spec, robot, attachment.body, f"the attached {attachment.file}", *keys, "body")
         path = robot.folder / attachment.file
-        if body is None:
-            raise RobotModelError(f"{robot.folder}: {robot.description.name} has no body {attachment.body!r}")
         try:
             child = mujoco().MjSpec.from_file(str(path))
         except (OSError, ValueError) as error:
-            raise RobotModelError(f"{path}: cannot be read: {error}") from None
+            place = robot.place(*keys, "file")
+            raise RobotModelError(f"{place}: {path} cannot be read: {error}") from None
         spec.attach(child, prefix=attachment.prefix, suffix="", frame=body.add_frame())
     return [geom for geom in spec.geoms if geom.parent.name not in before]
 
@@ -199,7 +199,8 @@ def _shares(spec: Any, robot: RobotModel) -> dict[str, list[tuple[Axis, float]]]
             found.setdefault(axis.name, []).append((axis, axis.ratio))
         else:
             raise RobotModelError(
-                f"{robot.folder}: {robot.description.name} has no joint {axis.name!r}, but {', '.join(sorted(joints))}"
+                f"{robot.place('parts', axis.part, 'joints', axis.name)}: {robot.description.name} has no joint "
+                f"{axis.name!r}, but {', '.join(sorted(joints))}"
             )
     return found
 
@@ -277,7 +278,7 @@ def _shape(spec: Any, robot: RobotModel, published: list[Any], attached: list[An
         if options.collision == "hulls":
             links = [geom for geom in published if id(geom) not in bits]
         else:
-            links = collisions.add_outlines(spec, robot.body.outlines)
+            links = collisions.add_outlines(spec, robot)
         for geom in links:
             collisions.make_solid(geom)
         for geom in own:

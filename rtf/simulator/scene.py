@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
     from rtf.robot.model.file import Bench, Cut
 
+#: The camera that shows all of the robot.
+OUTSIDE = "outside"
 #: Width and height of the largest picture of a camera, in pixels.
 LARGEST_PICTURE = (1280, 960)
 #: A red ball and a green box where a robot's cameras look (m).
@@ -102,7 +104,7 @@ def _add_surroundings(world: Any, bench: Bench) -> None:
     sun = mujoco().mjtLightType.mjLIGHT_DIRECTIONAL
     for direction, strength in _LIGHTS:
         world.add_light(type=sun, pos=[0, 0, 3], dir=direction, diffuse=[strength] * 3, castshadow=False)
-    world.add_camera(name="outside", pos=bench.outside, quat=_looking(bench.outside, bench.centre), fovy=45)
+    world.add_camera(name=OUTSIDE, pos=bench.outside, quat=_looking(bench.outside, bench.centre), fovy=45)
 
 
 def _looking(place: tuple[float, float, float], at: tuple[float, float, float]) -> NDArray[np.float64]:

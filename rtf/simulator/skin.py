@@ -24,6 +24,7 @@ from rtf.simulator.simulated_sensors import SimulatedSensor
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot.model.file import SkinPatch
+    from rtf.simulator.plant import Plant
     from rtf.simulator.simulation import Simulation
 
 #: Seconds between two messages of a patch, as on the iCub.
@@ -53,7 +54,7 @@ class SimulatedSkin(SimulatedSensor, IAnalogSensor):
         self._random = self._new_random(name, simulation)
         super().__init__(name, simulation, [Accuracy(noise=settings.noise)], each=TAXELS * settings.triangles)
         model = simulation.plant.model
-        self._shape = _covered(name, settings, model)
+        self._shape = covered_shape(name, settings, simulation.plant)
         self.places: FloatArray = np.empty((0, 3))  # (taxels, 3), m, in the frame of the shape
         if self._shape >= 0:
             self.places = _taxels(model, self._shape, settings.triangles)
@@ -127,15 +128,15 @@ def _compute_forces(model: Any, data: Any) -> None:
     mujoco().mj_constraintUpdate(model, data, residual - data.efc_aref, None, 0)
 
 
-def _covered(name: str, settings: SkinPatch, model: Any) -> int:
+def covered_shape(name: str, settings: SkinPatch, plant: Plant) -> int:
     """Return the index of the shape that a patch covers; -1 for a model without collisions, whose skin feels nothing.
 
-    Raises RobotModelError for a link or a shape that the model does not have.
+    Raises RobotModelError, with the line, for a link without such a shape.
     """
-    engine = mujoco()
-    body = engine.mj_name2id(model, engine.mjtObj.mjOBJ_BODY, settings.link)
+    model, place = plant.model, plant.robot.place("sensors", "skin", name)
+    body = mujoco().mj_name2id(model, mujoco().mjtObj.mjOBJ_BODY, settings.link)
     if body < 0:
-        raise RobotModelError(f"the skin {name} is on the link {settings.link!r}, which the description does not have")
+        raise RobotModelError(f"{place}: the skin {name} is on {settings.link!r}, which is no link of its own")
     solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     if not solid.any():
         return -1
@@ -144,7 +145,7 @@ def _covered(name: str, settings: SkinPatch, model: Any) -> int:
         shapes = [one for one in shapes if model.geom(one).name == settings.shape]
     if not shapes:
         what = f"shape {settings.shape!r}" if settings.shape else "shape"
-        raise RobotModelError(f"the skin {name}: the link {settings.link} has no {what} that collides")
+        raise RobotModelError(f"{place}: the skin {name}: the link {settings.link} has no {what} that collides")
     return int(shapes[0])
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rtf.robot.model.engine import mujoco
-from rtf.robot.model.errors import RobotModelError
+from rtf.simulator.collisions import link_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,12 +27,8 @@ def add_points(spec: Any, robot: RobotModel) -> None:
     if robot.workspace is None:
         return
     for point in robot.workspace.points:
-        body = spec.body(point.link)
-        if body is None:
-            links = ", ".join(body.name for body in spec.bodies if body.name != "world")
-            raise RobotModelError(
-                f"{robot.folder}: the point {point.name} of the workspace is on {point.link!r}; its links are {links}"
-            )
+        what = f"the point {point.name} of the workspace"
+        body = link_of(spec, robot, point.link, what, "workspace", "points", point.name, "link")
         body.add_site(name=f"{_PREFIX}{point.name}", pos=point.position, group=_UNSEEN)
     if not robot.workspace.points:
         for body in [body for body in spec.bodies if body.joints]:

@@ -161,7 +161,7 @@ def test_what_the_model_does_not_have_is_named():
     from rtf.simulator.plant import Options, build
     from rtf.simulator.simulation import Simulation
 
-    with pytest.raises(RobotModelError, match="the link 'hand'"):
+    with pytest.raises(RobotModelError, match="the skin fore is on 'hand'"):
         patch(SkinPatch(link="hand", port="skin/hand", triangles=1), bench())
     with pytest.raises(RobotModelError, match="no shape 'palm' that collides"):
         patch(SkinPatch(link="fore", port="skin/fore", triangles=1, shape="palm"), bench())

@@ -70,12 +70,12 @@ def load_description(path: Path, *, shapes: bool, repaired: bool = True) -> Any:
         if shapes:
             text = _SHAPE.sub(lambda match: _usable(path, match[0], text, match.start(), bare), text)
         spec = mujoco().MjSpec.from_string(text)
+        for link in dict.fromkeys(bare):
+            _add_bones(spec.body(link))
+        if repaired:
+            repair(spec)
     except (OSError, UnicodeDecodeError, ValueError) as error:
         raise ConfigurationError(f"{path}: cannot read a robot description (URDF or MJCF): {error}") from error
-    for link in dict.fromkeys(bare):
-        _add_bones(spec.body(link))
-    if repaired:
-        repair(spec)
     return spec
 
 
@@ -212,7 +212,7 @@ def _efforts(model: Any) -> dict[str, float]:
         joint = model.joint(number)
         if model.jnt_actfrclimited[number]:
             found[joint.name] = float(model.jnt_actfrcrange[number][1])
-    return {name: effort for name, effort in found.items() if effort > 0.0}
+    return {name: effort for name, effort in found.items() if 0.0 < effort < math.inf}
 
 
 def urdf_joints(path: Path) -> Iterable[_Element]:
@@ -240,7 +240,7 @@ def _velocities(path: Path) -> dict[str, float]:
         limit = joint.find("limit")
         if limit is not None and limit.get("velocity"):
             found[str(joint.get("name"))] = float(limit.get("velocity") or 0.0)
-    return {name: speed for name, speed in found.items() if speed > 0.0}
+    return {name: speed for name, speed in found.items() if 0.0 < speed < math.inf}
 
 
 def _package(path: Path, name: str) -> Path:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -18,14 +19,20 @@ _STEP = re.compile(r"\.([\w-]+)|\[(\d+|\.\.\.)\]")
 def line_of(text: str, path: Sequence[str]) -> int:
     """Return the line, from 1, that shares the longest beginning with ``path``: the first such table or key.
 
-    A key inside of an inline table has the line of that table. 1 if nothing of the path is found.
+    A key inside of an inline table has the line of that table. A table of an array, ``[[body.outlines]]``, has its
+    number, from 0, at the end of its path. 1 if nothing of the path is found.
     """
     best, found = 0, 1
     table: list[str] = []
+    arrays: Counter[str] = Counter()
     for number, line in enumerate(text.splitlines(), 1):
         header = _TABLE.match(line)
         if header:
             here = table = _words(header[1])
+            if line.lstrip().startswith("[["):
+                name = ".".join(table)
+                table.append(str(arrays[name]))
+                arrays[name] += 1
         else:
             key = _KEY.match(line)
             if key is None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import copy
 import math
 import os
+import re
 import tomllib
 from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution
@@ -30,7 +31,7 @@ from rtf.robot.model.workspace import workspace_of
 from rtf.testing.plugins import shipped_folder
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from rtf.robot.model.description import JointDescription
     from rtf.robot.model.workspace import Workspace
@@ -49,6 +50,8 @@ SHARE = 0.01
 #: is left: near those of an industrial robot's joints with their gears and grease, 1.35 times and some rad/s of the
 #: motor (Bittencourt and Gunnarsson, "Static friction in a robot joint", 2012).
 STRIBECK, STRIBECK_SPEED = 0.3, 3.0
+#: What msgspec says of a key that no table has.
+_UNKNOWN_KEY = re.compile(r"Object contains unknown field `(.+)`")
 #: A coupling with a greater condition number cannot be inverted to any use.
 _SINGULAR = 1e6
 
@@ -106,6 +109,7 @@ class _Reading:
             data = tomllib.loads(self._text)
         except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
             raise RobotModelError(f"{path}: {error}") from None
+        self._check_numbers(data)
         self._file = self._converted(data)
         self._description = self._find_description()
         self._described: Mapping[str, JointDescription] | None = None
@@ -116,13 +120,24 @@ class _Reading:
     def _fail(self, keys: Sequence[str], problem: str) -> NoReturn:
         raise RobotModelError(f"{self._place(keys)}: {problem}")
 
+    def _check_numbers(self, data: Mapping[str, Any]) -> None:
+        """Refuse infinite numbers, and those that are none; thresholds may be infinite."""
+        for keys, value in _leaves(data):
+            if isinstance(value, float) and not math.isfinite(value) and keys[0] != "thresholds":
+                self._fail(keys, f"{'.'.join(keys)}: expected a finite number, not {value:g}")
+
     def _converted(self, data: dict[str, Any]) -> RobotFile:
         try:
             return msgspec.convert(data, RobotFile)
         except msgspec.ValidationError as error:
             sentence, _, path = str(error).partition(" - at ")
             keys = _named(data, steps_of(path.strip("`$")), str(error))
-            self._fail(keys, f"{'.'.join(keys) or 'the file'}: {sentence[:1].lower()}{sentence[1:]}")
+            where = ".".join(keys) or "the file"
+            if unknown := _UNKNOWN_KEY.fullmatch(sentence):
+                self._fail([*keys, unknown[1]], f"{where}: there is no key {unknown[1]!r}")
+            if "matching regex" in sentence:
+                sentence = "a name has letters, digits and underscores, and the robot's begins with a letter"
+            self._fail(keys, f"{where}: {sentence[:1].lower()}{sentence[1:]}")
 
     def _find_description(self) -> Path:
         given = self._file.description
@@ -162,7 +177,7 @@ class _Reading:
         return RobotModel(
             name=file.name,
             title=file.title or file.name,
-            folder=self._path.parent.absolute(),  # for programs that run in other folders
+            file=self._path.absolute(),  # for programs that run in other folders
             description=self._description,
             parts=parts,
             kinematic_parts=kinematic,
@@ -255,8 +270,11 @@ class _Reading:
         ratio = _first(value("ratio"), _FALLBACK.ratio)
         gearbox = _first(value("gearbox"), _FALLBACK.gearbox)
         home = _first(value("home"), min(max(0.0, limits[0]), limits[1]))
-        if not gearbox or not ratio:
-            self._fail(keys, f"{name}: gearbox and ratio are not 0")
+        for key, number in (("gearbox", gearbox), ("ratio", ratio)):
+            if not number:
+                self._fail(
+                    self._origin(keys, given, key), f"{name}: {key} is 0; write the turns of the motor, or leave it"
+                )
         if not limits[0] <= home <= limits[1]:
             self._fail(keys, f"{name}: its home {home:g} is not within its limits {limits[0]:g} and {limits[1]:g}")
         if given.degree is not None and not prismatic:
@@ -308,8 +326,14 @@ class _Reading:
         motors, chosen = self._file.motors, given.motor or self._file.defaults.motor
         if chosen is None or chosen not in motors:
             known = ", ".join(motors) or "none; write a table [motors.NAME]"
-            self._fail(keys, f"{keys[-1]}: motor {chosen!r} is none of [motors]: {known}")
+            place = self._origin(keys, given, "motor")
+            self._fail(place, f"{keys[-1]}: motor {chosen!r} is none of [motors]: {known}")
         return motors[chosen]
+
+    def _origin(self, keys: Sequence[str], given: Joint, key: str) -> Sequence[str]:
+        """Return where a key of a joint is said: in its own line, else in ``[defaults]``."""
+        said = getattr(given, key) is None and getattr(self._file.defaults, key) is not None
+        return ["defaults", key] if said else keys
 
     def _needed_description(self, given: Joint, name: str) -> JointDescription | None:
         """Return what the description says of a joint; None if the file says all, so that it need not be read."""
@@ -334,7 +358,12 @@ class _Reading:
         keys = ["parts", part]
         if sum(sizes) != count:
             self._fail([*keys, "boards"], f"{part}: its boards have {sum(sizes)} joints together, the part {count}")
-        given = {block.first: block for block in table.couplings}
+        given: dict[int, CouplingBlock] = {}
+        for number, one in enumerate(table.couplings):
+            if one.first in given:
+                place = [*keys, "couplings", str(number)]
+                self._fail(place, f"{part}: there are two couplings from joint {one.first}; a board has one")
+            given[one.first] = one
         found: list[Coupling] = []
         first = 0
         for size in sizes:
@@ -342,7 +371,8 @@ class _Reading:
             if block is None:
                 rows = tuple(tuple(float(row == column) for column in range(size)) for row in range(size))
             else:
-                rows = self._matrix([*keys, "couplings"], part, block, size)
+                number = table.couplings.index(block)
+                rows = self._matrix([*keys, "couplings", str(number)], part, block, size)
             found.append(Coupling(first, rows))
             first += size
         if given:
@@ -365,6 +395,7 @@ class _Reading:
             for part in sensor.parts:
                 if part not in self._file.parts:
                     self._fail(["sensors", "force_torque", name], f"{name}: there is no part {part!r}")
+        self._check_ports()
         for name, angles in sensors.angles.items():
             for axis, _ in angles.channels:
                 if axis not in joints:
@@ -383,15 +414,34 @@ class _Reading:
                 f"{battery.full:g} V",
             )
 
+    def _check_ports(self) -> None:
+        """Refuse two sensors of a kind on one port."""
+        for kind in ("force_torque", "inertial", "cameras", "angles", "skin", "depth_cameras"):
+            ports: dict[str, str] = {}
+            for name, sensor in getattr(self._file.sensors, kind).items():
+                other = ports.setdefault(sensor.port, name)
+                if other != name:
+                    keys = ["sensors", kind, name]
+                    self._fail(keys, f"{name} and {other} have the same port, {sensor.port}; each needs its own")
+
     def _check_outlines(self) -> None:
         for number, shape in enumerate(self._file.body.outlines):
             capsule = [value is not None for value in (shape.start, shape.end, shape.radius)]
             box = [value is not None for value in (shape.centre, shape.half)]
             if not ((all(capsule) and not any(box)) or (all(box) and not any(capsule))):
                 self._fail(
-                    ["body", "outlines"],
+                    ["body", "outlines", str(number)],
                     f"outline {number} of {shape.link}: write start, end and radius, or centre and half",
                 )
+
+
+def _leaves(value: object, keys: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], object]]:
+    """Yield all values that are no tables and arrays, each with its keys."""
+    if isinstance(value, dict | list):
+        for key, one in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from _leaves(one, (*keys, str(key)))
+    else:
+        yield keys, value
 
 
 def _first(*values: Any) -> Any:

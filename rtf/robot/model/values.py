@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rtf.robot.errors import RefusedError
+from rtf.robot.model.places import line_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -138,7 +139,7 @@ class RobotModel:
 
     name: str
     title: str
-    folder: Path  # with robot.toml
+    file: Path  # robot.toml
     description: Path  # URDF or MJCF
     parts: Mapping[str, Part]  # with physics, in the robot's order
     kinematic_parts: Mapping[str, Part]  # that move hardly any mass, without physics
@@ -152,6 +153,18 @@ class RobotModel:
     #: Poses in which the robot may be left: a position of every axis (unit), with physics or without.
     safe_poses: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     thresholds: Mapping[str, Thresholds] = field(default_factory=dict)  # by the names of tests
+
+    @property
+    def folder(self) -> Path:
+        """The folder with robot.toml, and with the files that it names."""
+        return self.file.parent
+
+    def place(self, *keys: str) -> str:
+        """Return the file and the line of a key of robot.toml, such as ``("body", "outlines", "1")``, for messages."""
+        try:
+            return f"{self.file}:{line_of(self.file.read_text(encoding='utf-8'), keys)}"
+        except (OSError, UnicodeDecodeError):  # removed or changed since it was read
+            return str(self.file)
 
     @cached_property
     def axes(self) -> tuple[Axis, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -33,8 +34,9 @@ elbow = { limits = [0, 120] }
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A folder with a copy of the bench's description."""
-    (tmp_path / "two.xml").write_text((BENCH / "bench.xml").read_text(encoding="utf-8"), encoding="utf-8")
+    """A folder with copies of the bench's description."""
+    for name in ("two.xml", "bench.xml"):
+        (tmp_path / name).write_text((BENCH / "bench.xml").read_text(encoding="utf-8"), encoding="utf-8")
     return tmp_path
 
 
@@ -68,11 +70,15 @@ def test_the_description_says_what_the_file_does_not(folder: Path):
     ("text", "line", "said"),
     [
         (HEAD + JOINTS.replace("[-90, 90]", "[90, -90]"), 11, "a smaller and a greater number"),
-        (HEAD + JOINTS.replace("[0, 120]", "[0, nan]"), 12, "a smaller and a greater number"),
-        (HEAD + JOINTS.replace("120] }", "120], gearbox = 0 }"), 12, "gearbox and ratio are not 0"),
+        (HEAD + JOINTS.replace("[0, 120]", "[0, nan]"), 12, "elbow.limits.1: expected a finite number, not nan"),
+        (HEAD + JOINTS.replace("120] }", "120], gearbox = inf }"), 12, "finite number, not inf"),
+        (HEAD + JOINTS.replace("120] }", "120], gearbox = 0 }"), 12, "elbow: gearbox is 0"),
+        (HEAD.replace("max_torque = 5.0", "max_torque = 5.0\ngearbox = 0") + JOINTS, 10, "shoulder: gearbox is 0"),
         (HEAD + JOINTS.replace("120] }", "120], home = 200 }"), 12, "not within its limits"),
         (HEAD + JOINTS.replace("120] }", "120], motor = 'big' }"), 12, "none of"),
-        (HEAD + JOINTS.replace("120] }", "120], geerbox = 3 }"), 12, "geerbox"),
+        (HEAD.replace('motor = "small"', 'motor = "big"') + JOINTS, 8, "motor 'big' is none of [motors]: small"),
+        (HEAD + JOINTS.replace("120] }", "120], geerbox = 3 }"), 12, "there is no key 'geerbox'"),
+        (HEAD.replace("[defaults]", "[default]") + JOINTS, 7, "there is no key 'default'"),
         (HEAD + JOINTS.replace("[0, 120]", "[0, '120']"), 12, "parts.arm.joints.elbow.limits"),
         (HEAD + JOINTS + "wrist = {}\n", 13, "no joint 'wrist'; its joints are shoulder, elbow"),
         (HEAD + JOINTS + "[parts.hand.joints]\nelbow = { limits = [0, 1] }\n", 14, "belongs to arm and hand"),
@@ -88,6 +94,14 @@ def test_the_description_says_what_the_file_does_not(folder: Path):
             11,
             "no board begins at joint 1",
         ),
+        (
+            HEAD
+            + JOINTS
+            + "[[parts.arm.couplings]]\nfirst = 0\njoint_to_motor = [[1, 0], [0, 1]]\n"
+            + "[[parts.arm.couplings]]\nfirst = 0\njoint_to_motor = [[1, 1], [0, 1]]\n",
+            16,
+            "two couplings from joint 0",
+        ),
         (HEAD + "[parts.arm]\ntogether = [[['wrist']]]\n" + JOINTS, 11, "has no joint wrist"),
         (HEAD.replace("schema = 1", "schema = 2") + JOINTS, 1, "schema"),
         (HEAD.replace('"two"', '"two arms"') + JOINTS, 2, "name"),
@@ -96,6 +110,7 @@ def test_the_description_says_what_the_file_does_not(folder: Path):
         (HEAD + JOINTS + "[sensors.angles.hand]\nport='h'\nopen=1\nbent=2\nchannels=[['toe', 1.0]]\n", 13, "'toe'"),
         (HEAD + JOINTS + "[body]\noutlines = [{ link = 'fore', radius = 0.1 }]\n", 14, "start, end and radius"),
         (HEAD + JOINTS + "[sensors.force_torque]\nf = { link = 'fore', port = 'p', parts = ['leg'] }\n", 14, "'leg'"),
+        (HEAD + JOINTS + "[sensors.inertial]\na = { link = 'fore' }\nb = { link = 'fore' }\n", 15, "the same port"),
         (HEAD + JOINTS + "[sensors.battery]\ncapacity = 9\nfull = 30\nempty = 42\nmax_current = 9\n", 16, "less than"),
         (HEAD + JOINTS + "[sensors.battery]\ncapacity = 9\nfull = 42\nempty = 30\n", 13, "max_current"),
         (HEAD + JOINTS + "[guard]\npeak_time = 0.3\nbreakaway = 2.0\n", 15, "guard.breakaway"),
@@ -108,16 +123,48 @@ def test_the_description_says_what_the_file_does_not(folder: Path):
         (HEAD + JOINTS + "[workspace]\nbox = { low = [0, 0, 0], high = [1, 0, 1] }\n", 13, "each number of low"),
         (HEAD + JOINTS + "[workspace]\nbox = { low = [0, 0], high = [1, 0, 1] }\n", 14, "workspace.box.low"),
         (HEAD + JOINTS + "[workspace.planes]\nwall = { point = [1, 0, 0], normal = [0, 0, 0] }\n", 13, "plane wall"),
-        (HEAD + JOINTS + "[workspace.planes]\nwall = { point = [inf, 0, 0], normal = [1, 0, 0] }\n", 13, "finite"),
+        (HEAD + JOINTS + "[workspace.planes]\nwall = { point = [inf, 0, 0], normal = [1, 0, 0] }\n", 14, "finite"),
         (HEAD + JOINTS + "[safe.folded]\nelbov = 90.0\n", 14, "no joint 'elbov'; did you mean elbow?"),
         (HEAD + JOINTS + "[safe.folded]\nelbow = 121.0\n", 14, "elbow at 121 deg is not within its limits 0 and 120"),
-        (HEAD + "[parts.'an arm'.joints]\nshoulder = {}\n", 10, "parts"),
+        (HEAD + "[parts.'an arm'.joints]\nshoulder = {}\n", 10, "letters, digits and underscores"),
     ],
 )
 def test_errors_have_their_place(folder: Path, text: str, line: int, said: str):
     """An error in robot.toml is reported with the file, the line and the reason."""
     with pytest.raises(RobotModelError) as caught:
         read(folder, text)
+    message = str(caught.value)
+    assert message.startswith(f"{folder / 'robot.toml'}:{line}: "), message
+    assert said in message
+
+
+@pytest.mark.skipif(not find_spec("mujoco"), reason="needs pip install 'rtf[sim]'")
+@pytest.mark.parametrize(
+    ("text", "line", "said"),
+    [
+        (HEAD + JOINTS.replace("elbow", "elbov"), 12, "bench.xml has no joint 'elbov', but"),
+        (
+            HEAD + JOINTS + "[[body.outlines]]\nlink = 'fore'\ncentre = [0, 0, 0]\nhalf = [1, 1, 1]\n"
+            "[[body.outlines]]\nlink = 'for'\ncentre = [0, 0, 0]\nhalf = [1, 1, 1]\n",
+            18,
+            "the outline 1 is on 'for', which bench.xml does not have; did you mean fore?",
+        ),
+        (HEAD + JOINTS + "[sensors.inertial.a]\nlink = 'hand'\n", 14, "the sensor a is on 'hand'"),
+        (HEAD + JOINTS + "[sensors.force_torque.f]\nport = 'f'\nlink = 'hand'\n", 15, "the sensor f is on 'hand'"),
+        (HEAD + JOINTS + "[sensors.skin]\np = { link = 'hand', port = 'p', triangles = 1 }\n", 14, "'hand'"),
+        (HEAD + JOINTS + "[sensors.cameras]\nc = { camera = 'eye', port = 'c' }\n", 14, "has no camera 'eye'"),
+        (HEAD + JOINTS + "[body]\nattach = [{ body = 'fore', file = 'no.xml', prefix = 'x' }]\n", 14, "no.xml"),
+        (HEAD + JOINTS + "[workspace.points]\np = { link = 'hand' }\n[workspace.planes]\n"
+         "w = { point = [9, 0, 0], normal = [-1, 0, 0] }\n", 14, "the point p of the workspace is on 'hand'"),
+    ],
+)  # fmt: skip
+def test_what_the_description_does_not_have_has_its_place(folder: Path, text: str, line: int, said: str):
+    """Links, joints, cameras and files that only building the robot shows as missing are told with their line."""
+    from rtf.simulator.plant import build
+
+    robot = read(folder, text.replace("two.xml", "bench.xml"))
+    with pytest.raises(RobotModelError) as caught:
+        build(robot)
     message = str(caught.value)
     assert message.startswith(f"{folder / 'robot.toml'}:{line}: "), message
     assert said in message
