@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from rtf.errors import did_you_mean
 from rtf.robot.model.engine import mujoco
 from rtf.robot.model.errors import RobotModelError
 
@@ -47,9 +46,10 @@ def link_of(spec: Any, robot: RobotModel, link: str, what: str, *keys: str) -> A
     """
     body = spec.body(link)
     if body is None:
+        links = ", ".join(one.name for one in spec.bodies if one.name != "world")
         raise RobotModelError(
-            f"{robot.place(*keys)}: {what} is on {link!r}, which {robot.description.name} does not have"
-            f"{did_you_mean(link, [one.name for one in spec.bodies])}"
+            f"{robot.place(*keys)}: {what} is on {link!r}, which {robot.description.name} does not have; its links are "
+            f"{links}"
         )
     return body
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import random
+import resource
 import subprocess
 import sys
 import tempfile
@@ -56,11 +57,12 @@ _GOOD = frozenset({Verdict.PASSED, Verdict.MEASURED, Verdict.SKIPPED})
 
 
 class Battery(NamedTuple):
-    """The batteries of a healthy robot: seeds, tests in each, seconds of each, and what did not pass, as text."""
+    """The batteries of a healthy robot: seeds, tests in each, time of each, and what did not pass, as text."""
 
     seeds: int
     tests: int
     seconds: float
+    cpu: float  # s, of all its processes
     alarms: list[str]
 
 
@@ -81,18 +83,25 @@ def make(name: str, folder: Path) -> RobotModel:
     return load_robot(f"{folder / 'robots' / name}/")
 
 
-def battery(robot: RobotModel, folder: Path, seeds: Iterable[int]) -> Battery:
+def battery(robot: RobotModel, folder: Path, seeds: Iterable[int], jobs: int) -> Battery:
     """Run the whole battery with each seed."""
-    alarms, tests, times = list[str](), 0, list[float]()
+    alarms, tests, times, used = list[str](), 0, list[float](), _cpu()
     for seed in seeds:
         began, run = clock.monotonic(), folder / f"{robot.name}-{seed}"
-        words = ["--define", f"seed={seed}", "--run-folder", str(run), "--answer", "default", "-q"]
+        words = ["--define", f"seed={seed}", "--run-folder", str(run), "--answer", "default", "-q", "-j", str(jobs)]
         subprocess.run([*_RTF, "robot", "test", f"{robot.folder}/", *words], cwd=folder, check=False, stdout=sys.stderr)
         times.append(clock.monotonic() - began)
         results = results_of(run).tests
         tests = len(results)
         alarms += [f"seed {seed}: {one.label}: {_first(one)}" for one in results.values() if one.verdict not in _GOOD]
-    return Battery(len(times), tests, sum(times) / max(1, len(times)), alarms)
+    count = max(1, len(times))
+    return Battery(len(times), tests, sum(times) / count, (_cpu() - used) / count, alarms)
+
+
+def _cpu() -> float:
+    """Return the processor time (s) of all processes that this one started, directly or not, and that ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def _first(result: TestResult) -> str:
@@ -155,7 +164,10 @@ def row(robot: RobotModel, healthy: Battery | None, found: Found | None) -> str:
     if healthy is not None:
         minutes, seconds = divmod(round(healthy.seconds), 60)
         whole = healthy.seeds * healthy.tests
-        cells += [f"{minutes} min {seconds} s", f"{len(healthy.alarms)} of {whole} tests ({healthy.seeds} seeds)"]
+        cells += [
+            f"{minutes} min {seconds} s, {healthy.cpu:.0f} s of processors",
+            f"{len(healthy.alarms)} of {whole} tests ({healthy.seeds} seeds)",
+        ]
     if found is not None:
         cells += [f"{found.found} of {found.tried}", f"{found.named} of {found.tried}"]
     return f"| {' | '.join(cells)} |"
@@ -167,6 +179,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("robots", nargs="*", metavar="NAME", help=f"{', '.join(ROBOTS)} (default: all)")
     parser.add_argument("--seeds", type=int, default=1, help="batteries of each healthy robot")
     parser.add_argument("--first", type=int, default=1, help="the first seed")
+    parser.add_argument("--jobs", type=int, default=1, help="tests at the same time, each with a robot of its own")
     parser.add_argument("--joints", type=int, default=3, help="joints drawn for each kind of fault; 0: no faults")
     parser.add_argument("--draw", type=int, default=0, help="the seed of the draw")
     parser.add_argument("--kinds", nargs="+", choices=FAULTS, default=list(FAULTS), help="kinds of faults")
@@ -179,7 +192,7 @@ def main(arguments: list[str] | None = None) -> int:
             folder = Path(place)
             robot = make(name, folder)
             seeds = range(options.first, options.first + options.seeds)
-            healthy = battery(robot, folder, seeds) if options.seeds else None
+            healthy = battery(robot, folder, seeds, options.jobs) if options.seeds else None
             chosen = cases(robot, options.joints, options.draw, options.kinds)
             found = faults(chosen, folder / f"{name}-faults") if chosen else None
             print(row(robot, healthy, found), flush=True)

@@ -46,7 +46,7 @@ def test_what_is_found_and_what_is_named_first():
     found = counted([(judge(case, one), one) for one in ended])
     assert (found.tried, found.found, found.named) == (5, 3, 2)
     assert [line.rpartition(": ")[2] for line in found.missed] == ["does not move", "", "cannot be opened"]
-    healthy = Battery(seeds=2, tests=12, seconds=100.2, alarms=["seed 1: step arm: failed: late"])
+    healthy = Battery(seeds=2, tests=12, seconds=100.2, cpu=41.7, alarms=["seed 1: step arm: failed: late"])
     assert row(load_robot("bench"), healthy, found).endswith(
-        "| 2 | 1 | 1 min 40 s | 1 of 24 tests (2 seeds) | 3 of 5 | 2 of 5 |"
+        "| 2 | 1 | 1 min 40 s, 42 s of processors | 1 of 24 tests (2 seeds) | 3 of 5 | 2 of 5 |"
     )

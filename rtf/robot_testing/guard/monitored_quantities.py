@@ -102,6 +102,8 @@ class MonitoredQuantity:
         return self._most
 
     def _report(self, unknown: NDArray[np.bool_], why: str) -> None:
+        if not unknown.any():
+            return
         joints = [int(joint) for joint in np.flatnonzero(unknown) if joint not in self._reported]
         self._reported.update(joints)
         if joints:

@@ -281,6 +281,8 @@ class MotionGuard(GuardedPart):
             self._stop([joint], self._described(wrong, joint), joint)
 
     def _first(self, wrong: Violation) -> int | None:
+        if not wrong.joints.any():  # nearly always, at every tick
+            return None
         return next((int(joint) for joint in np.flatnonzero(wrong.joints) if joint not in self.excluded), None)
 
     def _described(self, wrong: Violation, joint: int) -> str:

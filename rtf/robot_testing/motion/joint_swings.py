@@ -239,6 +239,16 @@ def _evidence(part: Part, joint: int, outcome: Outcome, strength: Strength = Str
     return Evidence(frozenset({joint}), text, outcome.findings, strength, outcome.excuse)
 
 
+def _median(readings: Sequence[FloatArray]) -> FloatArray:
+    """Return the median of a few readings; not a number where one of them is none."""
+    if len(readings) != _READINGS:
+        few: FloatArray = np.median(np.array(readings), axis=0)
+        return few
+    first, second, third = readings  # at every tick: this takes a twentieth of the time of numpy's median
+    middle: FloatArray = np.maximum(np.minimum(first, second), np.minimum(np.maximum(first, second), third))
+    return middle
+
+
 class _Watch:
     """Checks whether joints arrive at their targets, and whether a motor turns a joint whose encoder is frozen.
 
@@ -263,7 +273,7 @@ class _Watch:
     def update(self) -> None:
         """Read the positions of joints and motors; the median of the last readings counts, so that no spike does."""
         self._read.append(np.array(self._board.encoders_together()))
-        self._here, motors = np.median(np.array(self._read), axis=0)
+        self._here, motors = _median(self._read)
         self._apart = self._transmission.disagreement(self._here, motors)
         if len(self._read) == _READINGS:
             now = np.array([self.away, self._here[self._joints], self._apart[self._joints]])

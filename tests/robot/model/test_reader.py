@@ -147,7 +147,7 @@ def test_errors_have_their_place(folder: Path, text: str, line: int, said: str):
             HEAD + JOINTS + "[[body.outlines]]\nlink = 'fore'\ncentre = [0, 0, 0]\nhalf = [1, 1, 1]\n"
             "[[body.outlines]]\nlink = 'for'\ncentre = [0, 0, 0]\nhalf = [1, 1, 1]\n",
             18,
-            "the outline 1 is on 'for', which bench.xml does not have; did you mean fore?",
+            "the outline 1 is on 'for', which bench.xml does not have; its links are post, upper, fore",
         ),
         (HEAD + JOINTS + "[sensors.inertial.a]\nlink = 'hand'\n", 14, "the sensor a is on 'hand'"),
         (HEAD + JOINTS + "[sensors.force_torque.f]\nport = 'f'\nlink = 'hand'\n", 15, "the sensor f is on 'hand'"),
