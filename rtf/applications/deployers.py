@@ -1,8 +1,8 @@
 """Deployers: the ways to start, watch and end a module where it belongs.
 
-``local`` runs modules on this machine, ``node`` on a node of ``rtf run --server`` or ``yarprun``. Others are plug-ins
-of the kind ``deployer``: a file beside the application, or in a folder of plug-ins, with a class derived from
-:class:`Deployer`.
+``local`` runs modules on this machine, ``node`` on a node of ``rtf run --server`` or ``yarprun``, and ``ssh`` on a
+machine that has none (:mod:`rtf.applications.ssh`). Others are plug-ins of the kind ``deployer``: a file beside the
+application, or in a folder of plug-ins, with a class derived from :class:`Deployer`.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from rtf.applications.errors import DeployerError
+from rtf.applications.run import sysinfo
 from rtf.applications.run.client import RunClient
 from rtf.applications.run.errors import NodeError, RequestError
 from rtf.applications.run.protocol import Start
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
     from rtf.applications.run.protocol import Ending, Request
     from rtf.applications.run.record import NodeRecord
+    from rtf.applications.run.sysinfo import SystemInfo
     from rtf.applications.xml.model import Module
     from rtf.middleware.ports.network import Network
     from rtf.middleware.types.codecs import Codec
@@ -90,6 +92,17 @@ class Deployer(ABC):
         """Return the last lines of a program; none where they are not known."""
         return ()
 
+    def which(self, program: str, directory: str = "") -> str | None:  # noqa: ARG002 - for those that know
+        """Return the file of a program, empty if it is not there; None where that is not known.
+
+        ``directory`` is the folder in which it would be started.
+        """
+        return None
+
+    def figures(self) -> SystemInfo | None:
+        """Return the figures of the machine; None where they are not known."""
+        return None
+
     def close(self) -> None:  # noqa: B027 - most hold nothing
         """Release what the deployer holds. Programs that are not held end."""
 
@@ -133,6 +146,15 @@ class NodeDeployer(Deployer):
         except NodeError:
             return ()
 
+    def which(self, program: str, directory: str = "") -> str | None:
+        if directory or "/" in program:  # nodes look for names on their PATH alone
+            return None
+        found = self._client(_LISTING).which(program)
+        return found if found != program else ""
+
+    def figures(self) -> SystemInfo | None:
+        return self._client(_LISTING).system_info()
+
 
 class LocalDeployer(NodeDeployer):
     """Runs modules on this machine: its node is part of this process, and is asked without the network."""
@@ -162,6 +184,9 @@ class LocalDeployer(NodeDeployer):
             return super()._client(timeout)
         return _OwnNode(self._server, self.context.local, timeout)
 
+    def figures(self) -> SystemInfo | None:
+        return sysinfo.measure()
+
     def close(self) -> None:
         if self._server is not None:
             self._server.close()
@@ -184,6 +209,8 @@ class _OwnNode(RunClient):
 
 
 _KNOWN: dict[str, type[Deployer]] = {"local": LocalDeployer, "node": NodeDeployer, "yarprun": NodeDeployer}
+#: The deployer that needs an optional package.
+SSH = "ssh"
 #: A deployer of yarpmanager that is a program in front of the module's.
 PREFIXES = {"yarpdev": "yarpdev --device"}
 
@@ -205,12 +232,24 @@ def find_deployer(module: Module, beside: Path) -> type[Deployer]:
         return LocalDeployer if is_local(module.node) else NodeDeployer
     if name in _KNOWN:
         return _KNOWN[name]
+    if name == SSH:
+        return _ssh_deployer()
     try:
         return plugins.load_class(plugins.find("deployer", name, beside=beside), Deployer)  # type: ignore[type-abstract]
     except plugins.PluginNotFoundError:
-        raise DeployerError(f"there is no deployer {name!r}; there are {', '.join((*_KNOWN, *PREFIXES))}") from None
+        raise DeployerError(
+            f"there is no deployer {name!r}; there are {', '.join((*_KNOWN, SSH, *PREFIXES))}"
+        ) from None
     except plugins.PluginError as error:
         raise DeployerError(f"the deployer {name!r}: {error}") from None
+
+
+def _ssh_deployer() -> type[Deployer]:
+    try:
+        from rtf.applications.ssh.deployer import SshDeployer
+    except ImportError as error:
+        raise DeployerError(f"the deployer ssh needs {error.name}: pip install 'rtf[ssh]'") from None
+    return SshDeployer
 
 
 def request_of(module: Module, context: DeployerContext) -> Start:

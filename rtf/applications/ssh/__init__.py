@@ -1,0 +1,1 @@
+"""Programs on machines that are reached by ssh, where nothing of RTF is installed."""
