@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtf.applications.deployers import DeployerContext
+from rtf.applications.deployer import DeployerContext
 from rtf.applications.events import Event, Kind, State
 from rtf.applications.manager import Manager
 from rtf.applications.session import Session, holder

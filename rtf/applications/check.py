@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 import re
+import threading
 from collections import Counter, defaultdict
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf.applications.connections import read_qos
-from rtf.applications.deployers import LocalDeployer, find_deployer, is_local, program_of
+from rtf.applications.deployer import DeployerContext
+from rtf.applications.deployers import (
+    KNOWN_DEPLOYERS,
+    SSH,
+    LocalDeployer,
+    find_deployer,
+    is_local,
+    program_of,
+)
 from rtf.applications.errors import ApplicationError
+from rtf.applications.placement import Placement, allowed_nodes, lacking
 from rtf.applications.ports import Order, beginnings, ports_of
-from rtf.applications.run.client import RunClient
-from rtf.applications.run.protocol import split_words
+from rtf.applications.run.protocol import read_environment, split_words
 from rtf.applications.substitutions import is_there, substitute, table_of
 from rtf.applications.xml.descriptions import find_computers, find_description
 from rtf.errors import RtfError
@@ -25,8 +34,9 @@ from rtf.middleware.wire.contact import Contact
 from rtf.xml_tree import quote
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
+    from rtf.applications.deployer import Deployer
     from rtf.applications.xml.model import Application, Channel, Connection, Module, Text
     from rtf.middleware.ports.network import Network
     from rtf.testing.suite.diagnostics import DiagnosticLog
@@ -36,15 +46,18 @@ _OF_YARP = (
     *("shmem", "bcast", "bayer", "depthimage", "depthimage2", "h264", "mpi", "xmlrpc", "rossrv", "tcpros"),
     *("websocket", "zfp"),
 )
-#: Seconds that a node may take to answer.
-_ANSWER = 2.0
 _SPACE = re.compile(r"\s+|\w+::")
 _ANY = ("", "*", "any")
 
 
-def check_application(application: Application, problems: DiagnosticLog, network: Network | None = None) -> None:
-    """Collect the problems of an application. With a network its nodes and external ports are asked for."""
-    _Check(application, problems, network).run()
+def check_application(
+    application: Application, problems: DiagnosticLog, network: Network | None = None
+) -> Sequence[str]:
+    """Collect the problems of an application. With a network its nodes and external ports are asked for.
+
+    Returns which nodes would be chosen now, a sentence for each module that leaves the choice.
+    """
+    return _Check(application, problems, network).run()
 
 
 class _Check:
@@ -56,9 +69,10 @@ class _Check:
         self._folder = Path(application.file).parent
         self._descriptions = [find_description(one.name, self._folder, problems) for one in self._modules]
         self._ports = [ports_of(*pair) for pair in zip(self._modules, self._descriptions, strict=True)]
+        self._computers = find_computers(self._folder, problems)
 
-    def run(self) -> None:
-        """Make all checks."""
+    def run(self) -> Sequence[str]:
+        """Make all checks. Return the sentences about nodes."""
         self._check_programs()
         self._check_arguments()
         self._check_names()
@@ -71,8 +85,7 @@ class _Check:
         self._check_arbitrators()
         self._check_openers()
         self._check_computers()
-        if self._network is not None:
-            self._check_nodes(self._network)
+        return [] if self._network is None else self._check_places(self._network)
 
     # Modules -----------------------------------------------------------------------------------------------------
 
@@ -93,6 +106,7 @@ class _Check:
                 self._problems.error(str(error), module.deployer.location)
                 continue
             program = program_of(module)
+            local = local and not allowed_nodes(module, self._computers)
             if local and not found.told and not is_there(program, module.workdir):
                 self._problems.error(f"there is no program {quote(program)}", module.name.location, "install it")
         return None
@@ -213,46 +227,80 @@ class _Check:
 
     def _check_computers(self) -> None:
         """Compare what descriptions need with the machines that are described."""
-        computers = {str(one.name).lstrip("/"): one for one in find_computers(self._folder, self._problems)}
+        computers = {one.name.lstrip("/"): one for one in self._computers}
         for module, description in zip(self._modules, self._descriptions, strict=True):
             computer = computers.get(module.node.lstrip("/"))
-            if computer is None:
+            if computer is None or module.anywhere:
                 continue
             if computer.disabled:
                 message = f"the machine {module.node} is disabled, by {computer.name.location}"
                 self._problems.error(message, module.node.location, "choose another node")
-            for need in description.needs if description is not None else ():
-                for name, wanted in need.items():
-                    if not _suffices(computer.figures.get(name), wanted):
-                        has = computer.figures.get(name, "not described")
-                        message = f"{module.name} needs {name} {wanted}, which is {has} on {module.node}"
-                        self._problems.error(message, module.node.location, "choose another node")
+            needs = description.needs if description is not None else ()
+            for lack in lacking(computer.figures, needs):
+                self._problems.error(
+                    f"{module.name} cannot run on {module.node}: {lack}", module.node.location, "choose another node"
+                )
 
     # The network -------------------------------------------------------------------------------------------------
 
-    def _check_nodes(self, network: Network) -> None:
-        nodes: dict[str, Module] = {}
+    def _check_places(self, network: Network) -> Sequence[str]:
+        """Ask the nodes of all modules, also for their programs. Return which nodes would be chosen."""
+        context = DeployerContext(network, network, "/app/check", attached=True)
+        deployers: dict[tuple[type[Deployer], str], Deployer] = {}
+        making = threading.Lock()
+
+        def deployer_of(module: Module) -> Deployer:
+            key = find_deployer(module, self._folder), module.node.lstrip("/")
+            with making:
+                if key not in deployers:
+                    deployers[key] = key[0](module.node, context)
+                return deployers[key]
+
+        try:
+            self._check_nodes(deployer_of)
+            return [*self._choices(deployer_of)]
+        finally:
+            for deployer in deployers.values():
+                deployer.close()
+
+    def _check_nodes(self, deployer_of: Callable[[Module], Deployer]) -> None:
+        """Ask each node once if it is there, and then for the programs of its modules."""
+        asked: dict[tuple[str, str], list[Module]] = defaultdict(list)
         for module in self._modules:
-            if module.deployer in ("", "node", "yarprun") and not is_local(module.node):
-                nodes.setdefault(f"/{module.node.lstrip('/')}", module)
+            known = module.deployer in KNOWN_DEPLOYERS and not is_local(module.node)
+            if known and not allowed_nodes(module, self._computers):
+                asked[module.deployer, module.node].append(module)
 
-        def ask(node: str) -> RtfError | None:
+        def ask(modules: Sequence[Module]) -> tuple[RtfError | None, Sequence[Module]]:
             try:
-                RunClient(node, network=network, timeout=_ANSWER).running()
+                deployer_of(modules[0]).running()
+                return None, [one for one in modules if not _is_there(one, deployer_of(one))]
             except RtfError as error:
-                return error
-            return None
+                return error, ()
 
-        with ThreadPoolExecutor(max(1, min(len(nodes), 16))) as pool:
-            for (node, module), error in zip(nodes.items(), pool.map(ask, nodes), strict=True):
+        with ThreadPoolExecutor(max(1, min(len(asked), 16))) as pool:
+            for (first, *_), (error, missing) in zip(asked.values(), pool.map(ask, asked.values()), strict=True):
                 if error is not None:
-                    hint = f"start it there: rtf run --server {node}"
-                    self._problems.error(str(error), module.node.location, hint)
+                    hint = (
+                        "" if first.deployer == SSH else f"start it there: rtf run --server /{first.node.lstrip('/')}"
+                    )
+                    self._problems.error(str(error), first.node.location, hint)
+                for module in missing:
+                    message = f"there is no program {quote(program_of(module))} on {module.node}"
+                    self._problems.error(message, module.name.location, "install it there")
+
+    def _choices(self, deployer_of: Callable[[Module], Deployer]) -> Iterator[str]:
+        placement = Placement(self._modules, self._computers, deployer_of, find=False)
+        for module, description in zip(self._modules, self._descriptions, strict=True):
+            placed = placement.place(module, description.needs if description is not None else ())
+            if placed.module is None:
+                self._problems.error(f"{module}: {placed.why}", module.node.location, "start a node, or need less")
+            elif placed.why:
+                yield placed.why
 
 
-def _suffices(has: str | None, wanted: str) -> bool:
-    """Return whether a figure of a machine is enough: at least the number, or the same word."""
-    try:
-        return has is not None and float(has) >= float(wanted)
-    except ValueError:
-        return has is not None and has.lower() == wanted.lower()
+def _is_there(module: Module, deployer: Deployer) -> bool:
+    """Return whether a module's program is on its machine, as far as that is known."""
+    if "PATH" in read_environment(module.environment):
+        return True
+    return deployer.which(program_of(module), module.workdir) != ""

@@ -10,10 +10,10 @@ from __future__ import annotations
 import re
 import signal
 import socket
-from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from rtf.applications.deployer import Deployer, DeployerContext
 from rtf.applications.errors import DeployerError
 from rtf.applications.run import sysinfo
 from rtf.applications.run.client import RunClient
@@ -25,11 +25,10 @@ from rtf.middleware.types.codecs import BOTTLE
 from rtf.testing import plugins
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from rtf.applications.run.protocol import Ending, Request
-    from rtf.applications.run.record import NodeRecord
     from rtf.applications.run.sysinfo import SystemInfo
     from rtf.applications.xml.model import Module
     from rtf.middleware.ports.network import Network
@@ -40,71 +39,6 @@ _LISTING = 5.0
 #: Seconds for the answer that YARP's nodes do not give.
 _LAST_WORDS = 2.0
 _OTHER = re.compile(r"[^0-9A-Za-z]")
-
-
-@dataclass(frozen=True, slots=True)
-class DeployerContext:
-    """What all deployers of an application share.
-
-    ``local`` is the network for the own node ``own_name``, ``record`` opens what an earlier one has left. With ``hold``
-    modules run on when the manager has ended. ``log`` is the port of the logger for their output, None without.
-    ``attached``: another process has the own node, and it is asked by the network. ``told`` gets what is done with
-    programs that an earlier manager has left.
-    """
-
-    network: Network
-    local: Network
-    own_name: str
-    record: Callable[[], NodeRecord | None] = lambda: None
-    hold: bool = False
-    log: str | None = None
-    attached: bool = False
-    told: Callable[[str], None] = lambda _: None
-
-
-class Deployer(ABC):
-    """Runs modules at one place: a machine, or whatever its plug-in knows. Methods may be called from any thread.
-
-    All raise RtfError with the place and the reason.
-    """
-
-    def __init__(self, place: str, context: DeployerContext) -> None:
-        self.place = place
-        self.context = context
-
-    @abstractmethod
-    def start(self, request: Start) -> int:
-        """Start a program. Return its process id, 0 if that is not known."""
-
-    @abstractmethod
-    def running(self) -> Mapping[str, int]:
-        """Return the process ids of all programs that run at the place, by tag."""
-
-    @abstractmethod
-    def signal(self, tag: str, signum: int) -> bool:
-        """Send SIGTERM or SIGKILL to a program and all that it has started. False if there is none."""
-
-    def ending(self, tag: str) -> Ending | None:  # noqa: ARG002 - for those that know
-        """Return how the last program of a tag has ended; None where that is not known."""
-        return None
-
-    def output(self, tag: str) -> Sequence[str]:  # noqa: ARG002 - for those that know
-        """Return the last lines of a program; none where they are not known."""
-        return ()
-
-    def which(self, program: str, directory: str = "") -> str | None:  # noqa: ARG002 - for those that know
-        """Return the file of a program, empty if it is not there; None where that is not known.
-
-        ``directory`` is the folder in which it would be started.
-        """
-        return None
-
-    def figures(self) -> SystemInfo | None:
-        """Return the figures of the machine; None where they are not known."""
-        return None
-
-    def close(self) -> None:  # noqa: B027 - most hold nothing
-        """Release what the deployer holds. Programs that are not held end."""
 
 
 class NodeDeployer(Deployer):
@@ -211,6 +145,8 @@ class _OwnNode(RunClient):
 _KNOWN: dict[str, type[Deployer]] = {"local": LocalDeployer, "node": NodeDeployer, "yarprun": NodeDeployer}
 #: The deployer that needs an optional package.
 SSH = "ssh"
+#: The names of those that ask a machine over the network; the empty one is chosen by the node.
+KNOWN_DEPLOYERS = ("", "node", "yarprun", SSH)
 #: A deployer of yarpmanager that is a program in front of the module's.
 PREFIXES = {"yarpdev": "yarpdev --device"}
 

@@ -8,7 +8,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, TypeAlias
 
 if TYPE_CHECKING:
-    from rtf.applications.deployers import Deployer
+    from rtf.applications.deployer import Deployer
     from rtf.applications.run.protocol import Ending
     from rtf.applications.xml.model import Module
 
@@ -30,6 +30,7 @@ class Kind(StrEnum):
     """The kind of an event."""
 
     SUBSTITUTED = "substituted"
+    PLACED = "placed"
     WAITING = "waiting"
     STARTED = "started"
     FOUND = "found again"
@@ -56,9 +57,9 @@ class Event:
 class Unit:
     """A module in the hands of a manager.
 
-    ``since`` is when it was started, ``reason`` why it does not run, ``attempts`` how often it was restarted in a row,
-    ``halted`` that it was asked to stop by itself, without the application, ``unnoticed`` that it was found not to run
-    any more, which the manager has not dealt with yet.
+    ``placed`` says why it is on its node, if that was chosen, ``since`` is when it was started, ``reason`` why it does
+    not run, ``attempts`` how often it was restarted in a row, ``halted`` that it was asked to stop by itself, without
+    the application, ``unnoticed`` that it was found not to run any more, which the manager has not dealt with yet.
     """
 
     index: int
@@ -70,6 +71,7 @@ class Unit:
     since: float = 0.0
     attempts: int = 0
     optional: bool = False
+    placed: str = ""
     halted: bool = False
     unnoticed: bool = False
 

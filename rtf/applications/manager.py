@@ -15,10 +15,11 @@ from rtf.applications.deployers import LocalDeployer, find_deployer, request_of
 from rtf.applications.errors import ApplicationError
 from rtf.applications.events import Event, Kind, State, Unit
 from rtf.applications.links import Links
+from rtf.applications.placement import Placement, allowed_nodes
 from rtf.applications.ports import Order, ports_of
 from rtf.applications.run.output import printable
-from rtf.applications.substitutions import substitute, table_of
-from rtf.applications.xml.descriptions import find_description
+from rtf.applications.substitutions import Substituted, substitute, table_of
+from rtf.applications.xml.descriptions import find_computers, find_description
 from rtf.applications.xml.model import RestartPolicy
 from rtf.errors import RtfError
 from rtf.middleware.ports import remote
@@ -29,11 +30,12 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from types import TracebackType
 
-    from rtf.applications.deployers import Deployer, DeployerContext
+    from rtf.applications.deployer import Deployer, DeployerContext
     from rtf.applications.events import Say
+    from rtf.applications.placement import Needs
     from rtf.applications.run.protocol import Ending
     from rtf.applications.substitutions import Entry
-    from rtf.applications.xml.model import Application, Module
+    from rtf.applications.xml.model import Application, Computer, Module
 
 #: Seconds between two looks at modules and at ports that are waited for, and between two looks at connections.
 LOOK, _LOOK_AT_LINKS = 0.25, 2.0
@@ -71,13 +73,15 @@ class Manager:
         self._patience = patience
         self._ending = threading.Event()
         self._lost: set[str] = set()
+        self._making = threading.Lock()
         self._deployers: dict[tuple[type[Deployer], str], Deployer] = {}
         self._looking: dict[Deployer, Future[None]] = {}
         self._starts: list[Future[None]] = []
         self._look_at_links = 0.0
         self._linking: Future[None] | None = None
         folder = Path(application.file).parent
-        descriptions = [find_description(one.name, folder, DiagnosticLog()) for one in application.modules]
+        log = DiagnosticLog()
+        descriptions = [find_description(one.name, folder, log) for one in application.modules]
         self._ports = [ports_of(*pair) for pair in zip(application.modules, descriptions, strict=True)]
         self._order = Order(application, self._ports)
         if self._order.circle:
@@ -86,22 +90,40 @@ class Manager:
         self.links = Links(application.connections, self._network, said, self._ending)
         self._pool = self._make_pool()
         try:
-            self.units = [self._unit(index, one, folder, table) for index, one in enumerate(application.modules)]
+            computers = find_computers(folder, log)
+            found = [self._substituted(one, table, computers) for one in application.modules]
+            placement = Placement([one.module for one in found], computers, self._deployer_of)
+            needs = [() if one is None else one.needs for one in descriptions]
+            self.units = [self._unit(placement, *each) for each in enumerate(zip(found, needs, strict=True))]
         except BaseException:
             self.close()
             raise
 
-    def _unit(self, index: int, module: Module, folder: Path, table: Mapping[str, Entry]) -> Unit:
-        found = substitute(module, table)
+    def _substituted(self, module: Module, table: Mapping[str, Entry], computers: Sequence[Computer]) -> Substituted:
+        found = Substituted(module) if allowed_nodes(module, computers) else substitute(module, table)
         if found.told:
             self._say(Kind.SUBSTITUTED, found.told, module)
-        if found.missing:
-            return Unit(index, module, None, State.MISSING, reason=found.told, optional=found.optional)
-        kind = find_deployer(found.module, folder)
-        key = kind, "" if kind is LocalDeployer else found.module.node.lstrip("/")
-        if key not in self._deployers:
-            self._deployers[key] = kind(found.module.node, self._context)
-        return Unit(index, found.module, self._deployers[key])
+        return found
+
+    def _unit(self, placement: Placement, index: int, found: tuple[Substituted, Needs]) -> Unit:
+        substituted, needs = found
+        if substituted.missing:
+            told, optional = substituted.told, substituted.optional
+            return Unit(index, substituted.module, None, State.MISSING, reason=told, optional=optional)
+        placed = placement.place(substituted.module, needs)
+        if placed.module is None:
+            reason = f"{substituted.module} is not there: {placed.why}"
+            return Unit(index, substituted.module, None, State.MISSING, reason=reason)
+        return Unit(index, placed.module, self._deployer_of(placed.module), placed=placed.why)
+
+    def _deployer_of(self, module: Module) -> Deployer:
+        """Return the deployer of a module at its node, the same for all modules there. From any thread."""
+        kind = find_deployer(module, Path(self.application.file).parent)
+        key = kind, "" if kind is LocalDeployer else module.node.lstrip("/")
+        with self._making:
+            if key not in self._deployers:
+                self._deployers[key] = kind(module.node, self._context)
+            return self._deployers[key]
 
     def _make_pool(self) -> ThreadPoolExecutor:
         """Return a pool in which all modules can wait at once, all nodes be asked, and connections be watched."""
@@ -197,6 +219,8 @@ class Manager:
                 self._await_dependencies(unit)
                 self._refuse_taken_ports(unit)
                 unit.state, unit.since = State.STARTING, clock.monotonic()
+                if unit.placed and not unit.attempts:
+                    self._say(Kind.PLACED, unit.placed, unit.module)
                 unit.pid = unit.place.start(request_of(unit.module, self._context))
                 self._say(Kind.STARTED, f"{unit.module} is started ({unit.pid})", unit.module)
                 if self._comes_up(unit):
@@ -292,7 +316,7 @@ class Manager:
 
     def look(self, timeout: float | None = None) -> None:
         """Ask all nodes which modules run. Those that have not answered in time are asked no further until they do."""
-        for deployer in self._deployers.values():
+        for deployer in {unit.deployer for unit in self.units if unit.deployer is not None}:
             if deployer not in self._looking or self._looking[deployer].done():
                 self._looking[deployer] = self._pool.submit(self._look_at, deployer)
         for done in wait(self._looking.values(), timeout).done:

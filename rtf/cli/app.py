@@ -94,7 +94,9 @@ def check(words: Sequence[str]) -> ExitCode:
     loaded = _load(options)
     problems = DiagnosticLog()
     if not loaded.has_errors:
-        check_application(loaded.application, problems, None if options.offline else _network_if_there())
+        network = None if options.offline else _network_if_there()
+        for choice in check_application(loaded.application, problems, network):
+            print(choice)
     found = [*loaded.diagnostics, *problems]
     errors = _show(found)
     warnings = len(found) - errors
@@ -202,7 +204,7 @@ def make_manager(
     import re
     import socket
 
-    from rtf.applications.deployers import DeployerContext
+    from rtf.applications.deployer import DeployerContext
     from rtf.applications.events import Event, Kind
     from rtf.applications.manager import PATIENCE, Manager
     from rtf.applications.run.record import NodeRecord

@@ -11,7 +11,7 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
 from rtf import clock
-from rtf.applications.deployers import DeployerContext
+from rtf.applications.deployer import DeployerContext
 from rtf.applications.errors import ApplicationError
 from rtf.applications.events import Kind
 from rtf.applications.manager import Manager

@@ -120,7 +120,7 @@ def test_machines_are_compared_with_what_programs_need(tmp_path: Path):
     )
     content = "".join(module("sleep", "5", node=node) for node in ("big", "small", "off"))
     assert [line.partition("error: ")[2] for line in problems(tmp_path, content)] == [
-        "sleep needs memory.free 4, which is 2 on small (choose another node)",
+        "sleep cannot run on small: memory.free of 4 is needed, 2 is there (choose another node)",
         f"the machine off is disabled, by {tmp_path}/resources/lab.xml:1:230 (choose another node)",
     ]
 

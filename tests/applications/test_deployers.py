@@ -18,7 +18,8 @@ from hypothesis import strategies as st
 from ssh_server import SshServer
 
 from lab import application, lab, shell
-from rtf.applications.deployers import Deployer, DeployerContext, LocalDeployer, NodeDeployer, find_deployer
+from rtf.applications.deployer import Deployer, DeployerContext
+from rtf.applications.deployers import LocalDeployer, NodeDeployer, find_deployer
 from rtf.applications.errors import DeployerError
 from rtf.applications.events import Kind, State
 from rtf.applications.run.errors import StartError

@@ -428,7 +428,7 @@ def test_an_end_is_noticed_at_a_place_that_answers_slowly(tmp_path: Path):
 def test_deployer_is_a_plug_in(tmp_path: Path):
     """A file beside the application with a class derived from Deployer runs the modules that name it."""
     (tmp_path / "boat.py").write_text(
-        "from rtf.applications.deployers import Deployer\n"
+        "from rtf.applications.deployer import Deployer\n"
         "class Boat(Deployer):\n"
         "    aboard = {}\n"
         "    def start(self, request):\n"

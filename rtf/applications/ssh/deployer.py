@@ -13,7 +13,7 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from rtf import clock
-from rtf.applications.deployers import Deployer
+from rtf.applications.deployer import Deployer
 from rtf.applications.errors import DeployerError
 from rtf.applications.run.errors import StartError
 from rtf.applications.run.output import LineSender, Tail
@@ -26,7 +26,7 @@ from rtf.testing.isolation import processes
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from rtf.applications.deployers import DeployerContext
+    from rtf.applications.deployer import DeployerContext
     from rtf.applications.run.protocol import Start
     from rtf.applications.run.sysinfo import SystemInfo
 

@@ -64,7 +64,8 @@ class Module:
     the seconds after its start in which it becomes ready, ``stop_delay`` those before its stop. ``ports`` are pairs of
     names of ports, the second of which replaces the first. ``ready`` is a port by which it shows that it is ready, in
     place of a fixed time. ``number`` tells modules apart that are the same in all else. ``shown`` is its name for
-    people, if that is not the command.
+    people, if that is not the command. ``anywhere``: the file names no node, so one may be chosen. A node may also be
+    several names, among which one is chosen (:mod:`rtf.applications.placement`).
     """
 
     name: Text
@@ -84,6 +85,7 @@ class Module:
     ready: str = ""
     number: int = 0
     shown: str = ""
+    anywhere: bool = False
     location: Location = field(default_factory=Location, compare=False)
 
     @property

@@ -173,6 +173,7 @@ class _Reader:
             waits["stop"],
             tuple((fields.text(one, "old"), fields.text(one, "new")) for one in fields.all(element, "portmap")),
             self._restart(element, fields),
+            anywhere=not fields.text(element, "node"),
             location=element.location,
         )
         alike = Module(name, made.parameters, made.node, environment=made.environment)
