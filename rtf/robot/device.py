@@ -49,6 +49,8 @@ SHIPPED: Mapping[str, str] = {
     "frameGrabber_nws_yarp": "rtf.robot.sensors.camera:FrameGrabberDevice",
     "frameGrabber_nwc_yarp": "rtf.robot.sensors.camera:FrameGrabberClient",
     "canBus": "rtf.robot.devices.can.bus_device:CanBusDevice",
+    "canMotionControl": "rtf.robot.devices.can.motion_control:CanMotionControl",
+    "canbusmotioncontrol": "rtf.robot.devices.can.motion_control:CanMotionControl",
     "icubCalibrator": "rtf.robot.devices.calibrator:BoardCalibrator",
     **_family(
         "rtf.robot.sensors.battery",

@@ -50,10 +50,13 @@ def configured_axes(configuration: Property, default: BoardAxis, joints: int | N
 
 def _listed(group: Property, key: str, joints: int) -> Bottle | None:
     """Return a list with an element for each joint; None if it is missing."""
-    value = group.find(key)
-    if value is None:
+    found = group.find_group(key)
+    if found is None or len(found) == 1:
         return None
-    if not isinstance(value, Bottle) or len(value) != joints:
+    value = found.get(1)
+    if not isinstance(value, Bottle):
+        value = found[1:]
+    if len(value) != joints:
         raise wrong(group, key, f"{to_string(value)[:60]} is not a list of {joints} elements, one for each joint")
     return value
 

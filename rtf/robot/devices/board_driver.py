@@ -16,7 +16,7 @@ from rtf.robot.devices.board_axes import BoardAxes
 from rtf.robot.extended_state import Field
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     import numpy as np
     from numpy.typing import NDArray
@@ -68,30 +68,35 @@ class DrivenBoard(BoardAxes):
     def fault(self, axis: int, code: int, message: str) -> None:
         """Put an axis into hardware fault; only a forced idle ends it."""
 
+    @abstractmethod
+    def end_calibration(self, axis: int) -> None:
+        """End the calibration of an axis before its time is over, as its hardware has finished it."""
+
 
 class BoardDriver(DeviceProvider):
     """A driver of a board. As a device type, it is a control board over the driver.
 
     The methods are called by one thread at a time, with the lock of the board held. ``board`` has the modes, settings
-    and limits of all axes, as arrays; it is there from ``configure`` on.
+    and limits of all axes, as arrays; it is there from ``configure`` on. ``connect`` may change the constants, for
+    boards that differ.
     """
 
     #: Seconds between two cycles of reading and writing, in a thread; None: one whenever the board is used.
-    period: ClassVar[float | None] = 0.01
+    period: float | None = 0.01
     #: The fields that ``read`` fills in. Values of motors that it does not measure follow from the joints.
-    measures: ClassVar[frozenset[Field]] = frozenset(
-        {Field.JOINT_POSITIONS, Field.JOINT_VELOCITIES, Field.JOINT_ACCELERATIONS}
-    )
+    measures: frozenset[Field] = frozenset({Field.JOINT_POSITIONS, Field.JOINT_VELOCITIES, Field.JOINT_ACCELERATIONS})
     #: The modes that a user may request; others are refused.
-    supported: ClassVar[frozenset[ControlMode]] = frozenset(REQUESTS)
+    supported: frozenset[ControlMode] = frozenset(REQUESTS)
     #: Seconds until a command expires, and of a calibration with the pause after it.
     watchdog: ClassVar[float] = 0.5
-    calibration_time: ClassVar[tuple[float, float]] = (0.5, 0.01)
+    calibration_time: tuple[float, float] = (0.5, 0.01)
     #: Deceleration of a stop, deg/s²; 0: at once.
     stopping: ClassVar[float] = 1000.0
     #: Motors = couplings @ joints, before the gearbox; ``connect`` may set it. None: each joint has a motor of its own.
     couplings: FloatArray | None = None
     board: DrivenBoard
+    #: Called with a sentence about a problem that is no fault of an axis; there from ``connect`` on.
+    report: Callable[[str], None]
 
     @classmethod
     def device_type(cls) -> type[Device]:
@@ -133,6 +138,10 @@ class BoardDriver(DeviceProvider):
     def time(self) -> float:
         """Return the present time, in seconds of the robot's clock."""
         return clock.current().now()
+
+    def stamp(self, now: float) -> float:
+        """Return when the latest measurements were made (s); ``now`` is when they were read."""
+        return now
 
     def reset_controller(self, axis: int) -> None:
         """Reset the integral of the position controller of an axis; for hardware that can."""

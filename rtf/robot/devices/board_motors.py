@@ -38,7 +38,7 @@ class BoardMotors(BoardBase, IEncoders, IMotorEncoders, IMotor, IAmplifierContro
         """See IEncoders: all are measured at the same moment."""
         count = len(self._places(joints))
         self._update()
-        return np.full(count, self.board.now)
+        return np.full(count, self.board.measured_at)
 
     def set_encoders(self, values: Values, joints: AxisSelection = None) -> None:
         axes = self._places(joints)

@@ -30,8 +30,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rtf.bottle import Bottle, Property, Value, as_float, to_string
-from rtf.robot.errors import ConfigurationError
+from rtf.bottle import Bottle, Property, to_string
+from rtf.robot.devices.rows import Rows, wrong_in
 from rtf.robot.interfaces import CalibrationParameters
 from rtf.robot.parameters import count, flag, group_of
 
@@ -77,9 +77,9 @@ class CalibratorSettings:
         """Read a configuration. Raises ConfigurationError, with the location."""
         general = group_of(configuration, "GENERAL")
         joints = count(general, "Joints" if general.check("Joints") else "joints", 0, _MAX_JOINTS)
-        calibration = _Rows(configuration, "CALIBRATION", joints)
-        rest = _Rows(configuration, "HOME", joints)
-        home = rest.pose("Home", _REST_TIMEOUT)
+        calibration = Rows(configuration, "CALIBRATION", joints)
+        rest = Rows(configuration, "HOME", joints)
+        home = _pose(rest, "Home", _REST_TIMEOUT)
         has_park = configuration.check("PARK")
         return cls(
             joints=joints,
@@ -95,61 +95,23 @@ class CalibratorSettings:
                 calibration.positive("startupTimeout", default=_STARTUP_TIMEOUT),
             ),
             home=home,
-            park=_Rows(configuration, "PARK", joints).pose("Park", _REST_TIMEOUT) if has_park else home,
+            park=_pose(Rows(configuration, "PARK", joints), "Park", _REST_TIMEOUT) if has_park else home,
             skip_calibration=flag(general, "skipCalibration"),
             clear_faults=flag(general, "clearHwFaultBeforeCalibration"),
             power_off=flag(group_of(configuration, "PARK"), "powerOff"),
         )
 
 
-class _Rows:
-    """The lists of a configuration group."""
-
-    def __init__(self, configuration: Property, name: str, joints: int) -> None:
-        self._configuration = configuration
-        self._name = name
-        self._joints = joints
-        self._lists: dict[str, tuple[str, list[Value]]] = {}
-        for key, group in group_of(configuration, name).items():
-            inner = group.get(1)
-            self._lists[key.lower()] = key, list(inner if isinstance(inner, Bottle) else group[1:])
-
-    def row(self, *names: str, default: float | None = None) -> FloatArray:
-        """Return the list with one of these names; without one the default for each joint."""
-        found = next((self._lists[name.lower()] for name in names if name.lower() in self._lists), None)
-        if found is None:
-            if default is None:
-                raise self._wrong(names[0], f"it is missing; it has {self._joints} numbers, one for each joint")
-            return np.full(self._joints, default)
-        key, values = found
-        if len(values) != self._joints or not all(isinstance(value, int | float) for value in values):
-            said = to_string(Bottle(values))[:60]
-            raise self._wrong(key, f"{said} is not a list of {self._joints} numbers, one for each joint")
-        numbers = np.array([as_float(value) for value in values])
-        if not np.isfinite(numbers).all():
-            raise self._wrong(key, "a number is infinite or NaN")
-        return numbers
-
-    def positive(self, *names: str, default: float | None = None) -> FloatArray:
-        """Return the list with one of these names, whose numbers must not be negative."""
-        numbers = self.row(*names, default=default)
-        if (numbers < 0).any():
-            raise self._wrong(names[0], f"joint {int((numbers < 0).argmax())} has a negative number")
-        return numbers
-
-    def pose(self, what: str, timeout: float) -> Pose:
-        """Return the pose of a group, such as ``Home``."""
-        return Pose(
-            self.row(f"position{what}"),
-            self.positive(f"velocity{what}"),
-            self.positive(f"{what.lower()}Timeout", default=timeout),
-        )
-
-    def _wrong(self, key: str, sentence: str) -> ConfigurationError:
-        return _wrong(self._configuration, self._name, key, sentence)
+def _pose(rows: Rows, what: str, timeout: float) -> Pose:
+    """Return the pose of a group, such as ``Home``."""
+    return Pose(
+        rows.row(f"position{what}"),
+        rows.positive(f"velocity{what}"),
+        rows.positive(f"{what.lower()}Timeout", default=timeout),
+    )
 
 
-def _parameters(rows: _Rows) -> tuple[CalibrationParameters, ...]:
+def _parameters(rows: Rows) -> tuple[CalibrationParameters, ...]:
     kinds = rows.positive("calibrationType")
     zeros = rows.row("calibrationZero", default=0.0) + rows.row("calibrationDelta", default=0.0)
     given = [rows.row(f"calibration{number}", default=None if number <= _NEEDED else 0.0) for number in range(1, 6)]
@@ -172,18 +134,11 @@ def _order(configuration: Property, joints: int) -> tuple[tuple[int, ...], ...]:
     for one in lists:
         numbers = list(one) if isinstance(one, Bottle) else [one]
         if not all(isinstance(joint, int) and 0 <= joint < joints for joint in numbers):
-            raise _wrong(
+            raise wrong_in(
                 configuration, "CALIB_ORDER", "", f"{to_string(one)[:60]} are not joints from 0 to {joints - 1}"
             )
         order.append(tuple(joint for joint in numbers if isinstance(joint, int)))
     everyone = [joint for one in order for joint in one]
     if len({*everyone}) != len(everyone):
-        raise _wrong(configuration, "CALIB_ORDER", "", "a joint is there twice")
+        raise wrong_in(configuration, "CALIB_ORDER", "", "a joint is there twice")
     return tuple(order)
-
-
-def _wrong(configuration: Property, group: str, key: str, sentence: str) -> ConfigurationError:
-    """Return the error, with the location of the list, or of its group."""
-    location = (configuration.location(group, key) if key else None) or configuration.location(group)
-    what = f"{group} {key}".rstrip()
-    return ConfigurationError(f"{what}: {sentence}" if location is None else f"{location}: {what}: {sentence}")

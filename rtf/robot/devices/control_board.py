@@ -46,6 +46,7 @@ class ControlBoard(BoardMotion, BoardMotors, BoardSettings, IStateSource, Calibr
     def open(self, configuration: Property) -> None:
         self.close()
         board, driver = self._board, self._board.driver
+        driver.report = self._report
         axes = driver.connect(configuration)
         try:
             driver.board = board
@@ -60,12 +61,10 @@ class ControlBoard(BoardMotion, BoardMotors, BoardSettings, IStateSource, Calibr
     def _begin_cycles(self) -> None:
         period = self._board.driver.period
         if period is not None:
-            report = self.network.report
-            self._thread = PeriodicPublishing(
-                _Cycles(self._board, period),
-                name=self.name,
-                report=lambda said: report(f"{self.name}: {said}"),
-            )
+            self._thread = PeriodicPublishing(_Cycles(self._board, period), name=self.name, report=self._report)
+
+    def _report(self, said: str) -> None:
+        self.network.report(f"{self.name}: {said}")
 
     def close(self) -> None:
         """End the cycles and disconnect the driver."""
@@ -84,7 +83,7 @@ class ControlBoard(BoardMotion, BoardMotors, BoardSettings, IStateSource, Calibr
         state.modes[...] = board.shown_modes()[:, own]
         state.temperatures[...] = shot.temperatures[own]
         state.valid[...] = shot.valid
-        return board.now
+        return board.measured_at
 
 
 class _Cycles:

@@ -123,6 +123,11 @@ class MotorBoard(DrivenBoard):
         """The time of the state, in seconds of the robot's clock."""
         return self.tick / self.steps_a_second
 
+    @property
+    def measured_at(self) -> float:
+        """When the measurements of the state were made, in seconds of the robot's clock."""
+        return self.driver.stamp(self.now)
+
     def measured(self, field: Field) -> NDArray[np.float64]:
         """Return the latest values of all axes, which may change. Raises NotSupportedError if they are not measured."""
         if not self.state.valid[field]:
@@ -268,6 +273,13 @@ class MotorBoard(DrivenBoard):
         self._planned.append((end, axis, ControlMode.CALIBRATION_DONE))
         self._planned.append((end + pause * self.steps_a_second, axis, ControlMode.POSITION))
         self._planned.sort(key=lambda planned: planned[0])
+
+    def end_calibration(self, axis: int) -> None:
+        """End the calibration of an axis before its time is over, as its hardware has finished it."""
+        own = [planned for planned in self._planned if planned[1] == axis]
+        early = own[0][0] - self.tick if own else 0.0
+        moved = [(tick - early if of == axis else tick, of, mode) for tick, of, mode in self._planned]
+        self._planned = sorted(moved, key=lambda planned: planned[0])
 
     # Commands: axes as arrays of numbers, values of the same length ---------------------------------------------
 

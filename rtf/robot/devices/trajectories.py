@@ -54,6 +54,16 @@ class Trajectories:
         self._line = np.zeros(count)  # deg/s after its end
         self._busy = np.zeros(count)  # s from the begin until the motion is done
 
+    @property
+    def begins(self) -> FloatArray:
+        """The step at which the present trajectory of each axis was commanded."""
+        return self._from
+
+    @property
+    def final_velocities(self) -> FloatArray:
+        """The velocity (deg/s) at which each axis goes on after the end of its trajectory."""
+        return self._line
+
     def at(self, now: float, axes: NDArray[np.intp] | slice) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return position, velocity and acceleration of axes at a step."""
         positions, velocities, accelerations = self._evaluate(np.array([now]), axes)

@@ -1,0 +1,325 @@
+"""The driver of motor boards on a CAN bus: boards that control joints, and boards that drive motors."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from rtf import clock
+from rtf.robot.control_modes import ControlMode
+from rtf.robot.devices.board_driver import BoardDriver
+from rtf.robot.devices.can.axis_link import NEVER
+from rtf.robot.devices.can.axis_settings import CanSettings, can_settings
+from rtf.robot.devices.can.bus import CanBus, share, unshare
+from rtf.robot.devices.can.bus_settings import bus_settings
+from rtf.robot.devices.can.codec import decode
+from rtf.robot.devices.can.codes import FOC_BOARDS, JOINT_BOARDS, BoardMode
+from rtf.robot.devices.can.exchange import PROTOCOL, Exchange, Version
+from rtf.robot.devices.can.foc_link import BOARDS, FocLink
+from rtf.robot.devices.can.joint_link import BROADCASTS, JointLink
+from rtf.robot.devices.can.messages import HOST, Frame, MessageClass, Setting
+from rtf.robot.devices.can.motor_messages import BROADCASTS as SET_BROADCASTS
+from rtf.robot.devices.can.motor_messages import CONTROL_MODE, FOC_CONTROL_MODE, SETPOINTS
+from rtf.robot.errors import BusError, DeviceError, MessageError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from rtf.bottle import Property
+    from rtf.robot.devices.board_axes import BoardAxis
+    from rtf.robot.devices.board_driver import Setpoints
+    from rtf.robot.devices.can.axis_link import AxisLink, Sent
+    from rtf.robot.extended_state import ExtendedState
+
+#: The codes of faults that are found here; those that a board reports begin at ``FIRST_FAULT`` with bit 0.
+MODE_LOST, BOARD_RESET, FIRST_FAULT = 10, 11, 20
+#: Seconds after which a board that sends no positions counts as silent, and in which it sends the first ones.
+SILENCE, FIRST_POSITIONS = 0.1, 1.0
+#: Seconds between two setpoints for boards that answer setpoints with positions, while the first ones are awaited.
+_SETPOINT_PERIOD = 0.01
+#: Seconds that a calibration may take, and of the pause after it.
+_CALIBRATION = (20.0, 0.01)
+_UNCONFIGURED = frozenset({BoardMode.NOT_CONFIGURED, BoardMode.CONFIGURED})
+#: Seconds between two attempts to have silent boards send again.
+_ASK_AGAIN = 0.5
+
+
+class CanMotionControl(BoardDriver):
+    """``canMotionControl``: the boards of a part, on one bus.
+
+    The type of each board is that which it says. For the configuration see :mod:`rtf.robot.devices.can.axis_settings`,
+    and :func:`rtf.robot.devices.can.bus_settings.bus_settings` for that of the bus.
+    """
+
+    plugin_name = "canMotionControl"
+    calibration_time = _CALIBRATION
+
+    def __init__(self) -> None:
+        self._bus: CanBus | None = None
+        self._exchange: Exchange | None = None
+        self._end: Callable[[], None] | None = None
+        self._links: list[AxisLink] = []
+        self._of_board: dict[int, list[AxisLink]] = {}
+        self._warned: dict[int, tuple[str, ...]] = {}
+        self._damaged = 0
+        self._asked_again = NEVER
+        self._arrived = threading.Event()
+        self.versions: dict[int, Version] = {}
+
+    # Connecting ------------------------------------------------------------------------------------------------------
+
+    def connect(self, configuration: Property) -> list[BoardAxis]:
+        """Open the bus, find the boards, and wait for their first positions."""
+        settings = can_settings(configuration)
+        self._bus = share(bus_settings(configuration), self.report)
+        try:
+            exchange = self._exchange = Exchange(self._bus, settings.timeout, settings.retries)
+            self.versions = {board: _version(exchange, board) for board in settings.boards}
+            self._link(settings)
+            self._begin(self._bus, exchange)
+        except BaseException:
+            self.disconnect()
+            raise
+        self.period, self.couplings = settings.period, settings.couplings
+        return [one.axis for one in settings.axes]
+
+    def _link(self, settings: CanSettings) -> None:
+        """Make the links of the axes, of the types of their boards."""
+        self._links, self._of_board, self._warned, self._damaged = [], {}, {}, 0
+        for one in settings.axes:
+            scale = replace(one.scale, saturated=self._saturation(one.axis.name))
+            drives = self.versions[one.board].board_type in FOC_BOARDS
+            link = FocLink(one, scale) if drives else JointLink(one, scale)
+            if drives and (one.board not in BOARDS or one.index):
+                raise DeviceError(
+                    f"board {one.board} cannot have {one.axis.name}: a board that drives a motor has one axis, and an "
+                    "address from 1 to 4"
+                )
+            self._links.append(link)
+            self._of_board.setdefault(one.board, []).append(link)
+        self._drives = [link for link in self._links if isinstance(link, FocLink)]
+        self.measures = frozenset.intersection(*(link.measured() for link in self._links))
+        common = frozenset.intersection(*(link.supported() for link in self._links))
+        self.supported = common - {ControlMode.CALIBRATING} | {ControlMode.FORCE_IDLE}
+
+    def _saturation(self, name: str) -> Callable[[str, float, int], None]:
+        """Return what reports values that do not fit into messages, each kind once."""
+        told: set[str] = set()
+
+        def saturated(what: str, value: float, limit: int) -> None:
+            if what not in told:
+                told.add(what)
+                self.report(f"{name}: the {what} of {value:.6g} does not fit into a message; {limit} is sent")
+
+        return saturated
+
+    def _begin(self, bus: CanBus, exchange: Exchange) -> None:
+        """Receive what the boards send, and wait for the first positions and the modes."""
+        kind = MessageClass.MOTOR_PERIODIC << 8
+        numbers = [kind | board << 4 | code for board in self._of_board for code in range(16)]
+        self._end = bus.subscribe(self._take, numbers + [board << 4 for board in self._of_board])
+        for link in self._links:
+            if isinstance(link, JointLink):
+                bus.send(SET_BROADCASTS.frame(link.board, BROADCASTS))
+            exchange.ask(link.mode_question, link.board, axis=link.index)
+        deadline = clock.Deadline.after(FIRST_POSITIONS)
+        while any(link.feedback.stamp == NEVER for link in self._links):
+            if deadline.expired:
+                silent = sorted({link.board for link in self._links if link.feedback.stamp == NEVER})
+                raise DeviceError(
+                    f"the boards {silent} on {bus.name} send no positions within {FIRST_POSITIONS:g} s of the start"
+                )
+            self._send_setpoints([0] * len(BOARDS))
+            if bus.threaded:
+                self._arrived.wait(_SETPOINT_PERIOD)
+                self._arrived.clear()
+            else:
+                bus.poll(_SETPOINT_PERIOD)
+
+    def disconnect(self) -> None:
+        """Switch the motors off, have the boards send nothing more, and give the bus back."""
+        bus, self._bus = self._bus, None
+        if bus is None:
+            return
+        try:
+            bus.send(*(link.request(ControlMode.IDLE, NEVER) for link in self._links))
+            bus.send(*(SET_BROADCASTS.frame(link.board, 0) for link in self._links if isinstance(link, JointLink)))
+        except BusError as error:
+            self.report(f"the motors are not switched off: {error}")
+        if self._end is not None:
+            self._end()
+        if self._exchange is not None:
+            self._exchange.close()
+        self._end = self._exchange = None
+        unshare(bus)
+
+    # Receiving -------------------------------------------------------------------------------------------------------
+
+    def _take(self, frame: Frame, stamp: float) -> None:
+        """Keep what a board says. Called by the thread of the bus."""
+        links = self._of_board[frame.identifier >> 4 & 0xF]
+        try:
+            got = decode(frame.identifier, frame.data, links[0].dialect)
+        except MessageError as error:
+            self._damaged += 1
+            if self._damaged == 1:
+                self.report(f"{error} (the first of such frames; they are counted and ignored)")
+            return
+        if got.message.kind is MessageClass.MOTOR_PERIODIC:
+            for link in links:
+                link.take(got, stamp)
+            self._arrived.set()
+        elif got.message in (CONTROL_MODE.value, FOC_CONTROL_MODE.value):
+            for link in links:
+                if link.index == got.axis:
+                    link.feedback.mode = int(got.values[0])
+
+    def read(self, state: ExtendedState) -> None:
+        bus = self._connected()
+        if not bus.threaded:
+            while bus.poll():
+                pass
+        now = self.time()
+        got = [link.feedback for link in self._links]
+        state.joint_positions[:] = [one.position for one in got]
+        state.joint_velocities[:] = [one.velocity for one in got]
+        state.joint_accelerations[:] = [one.acceleration for one in got]
+        state.motor_positions[:] = [one.motor_position for one in got]
+        state.motor_velocities[:] = [one.motor_velocity for one in got]
+        state.currents[:] = [one.current for one in got]
+        state.duty_cycles[:] = [one.duty for one in got]
+        state.torques[:] = [one.torque for one in got]
+        state.temperatures[:] = [one.temperature for one in got]
+        for axis, link in enumerate(self._links):
+            self._check_mode(axis, link, now)
+            if link.feedback.warnings != self._warned.get(link.board, ()):
+                self._warned[link.board] = link.feedback.warnings
+                self.report(
+                    f"board {link.board} reports: {', '.join(link.feedback.warnings) or 'no warnings any more'}"
+                )
+        self._check_silence(bus, now)
+
+    def stamp(self, now: float) -> float:
+        """Return the mean time of the frames with the latest positions."""
+        stamps = [link.feedback.stamp for link in self._links]
+        return min(sum(stamps) / len(stamps), now)
+
+    def _check_silence(self, bus: CanBus, now: float) -> None:
+        silent = sorted({link.board for link in self._links if now - link.feedback.stamp > SILENCE})
+        if not silent:
+            return
+        off = ", which is off" if bus.off else ""
+        if not bus.off and now - self._asked_again > _ASK_AGAIN:
+            self._asked_again = now
+            self._ask_again(bus, silent)
+        raise DeviceError(f"the boards {silent} on {bus.name}{off} have sent no positions for more than {SILENCE:g} s")
+
+    def _ask_again(self, bus: CanBus, silent: list[int]) -> None:
+        """Have boards send positions again that may have been reset; what was set may be lost."""
+        for link in self._links:
+            if link.board in silent:
+                link.forget()
+                if isinstance(link, JointLink):
+                    bus.send(SET_BROADCASTS.frame(link.board, BROADCASTS))
+                bus.send(link.mode_question.get.frame(link.board, axis=link.index))
+
+    def _check_mode(self, axis: int, link: AxisLink, now: float) -> None:
+        """Put an axis into fault whose board reports one, or is not in the mode that was requested."""
+        reported, shown = link.feedback.mode, self.board.mode[axis]
+        if shown == ControlMode.CALIBRATING and link.wanted is BoardMode.CALIBRATING:
+            self._check_calibration(axis, link, reported, now)
+        if reported == link.wanted:
+            link.settles = NEVER
+        if reported == link.wanted or now < link.settles or shown == ControlMode.HARDWARE_FAULT:
+            return
+        known = BoardMode(reported).name.lower().replace("_", " ") if reported in set(BoardMode) else f"{reported:#x}"
+        wanted = link.wanted.name.lower().replace("_", " ")
+        if reported == BoardMode.HARDWARE_FAULT:
+            self.board.fault(axis, FIRST_FAULT + link.first_fault, f"board {link.board} reports {link.fault_names()}")
+        elif reported in _UNCONFIGURED:
+            self.board.fault(axis, BOARD_RESET, f"board {link.board} was reset: it is {known}")
+        elif shown != ControlMode.CALIBRATING:
+            self.board.fault(axis, MODE_LOST, f"board {link.board} is in the mode {known} instead of {wanted}")
+
+    def _check_calibration(self, axis: int, link: AxisLink, reported: int, now: float) -> None:
+        """End the calibration of an axis, once its board has ended its own."""
+        if reported != BoardMode.CALIBRATING and now >= link.settles and reported != BoardMode.HARDWARE_FAULT:
+            self.board.end_calibration(axis)
+
+    # Sending ---------------------------------------------------------------------------------------------------------
+
+    def write(self, setpoints: Setpoints, modes: NDArray[np.int32]) -> None:
+        bus, now, board = self._connected(), self.time(), self.board
+        frames = []
+        words = [0] * len(BOARDS)
+        for axis, link in enumerate(self._links):
+            mode = ControlMode(int(modes[axis]))
+            if isinstance(link, FocLink):
+                words[link.board - 1] = link.word(mode, setpoints, axis)
+            elif isinstance(link, JointLink):
+                frame = link.setpoint(mode, board, setpoints, axis, now)
+                if frame is not None:
+                    frames.append(frame)
+        if frames:
+            bus.send(*frames)
+        self._send_setpoints(words)
+
+    def _send_setpoints(self, words: list[int]) -> None:
+        """Send the setpoints of the boards that drive motors, up to the last of them."""
+        if self._drives:
+            last = max(link.board for link in self._drives)
+            self._connected().send(SETPOINTS[last - 1].frame(HOST, *words[:last]))
+
+    def configure(self, axis: int) -> None:
+        bus, link, mode = self._connected(), self._links[axis], ControlMode(int(self.board.mode[axis]))
+        if link.feedback.mode in _UNCONFIGURED and link.verified:
+            link.forget()
+        changed = link.changed_settings(self.board, axis)
+        if changed:
+            bus.send(*(frame for _, _, frame in changed))
+        if not link.verified:
+            self._verify(link, [(what, values) for what, values, _ in changed])
+            link.verified = True
+        if mode is not link.mode:
+            self._enter(axis, link, mode)
+
+    def _enter(self, axis: int, link: AxisLink, mode: ControlMode) -> None:
+        """Request a mode of a board, or a calibration."""
+        bus, now = self._connected(), self.time()
+        frame = link.request(mode, now)
+        if isinstance(link, JointLink):
+            link.begin(self.board, axis)
+            if mode is ControlMode.CALIBRATING:
+                frame = link.calibrate(self.board, axis)
+        if mode is not ControlMode.CALIBRATION_DONE:
+            bus.send(frame)
+
+    def _verify(self, link: AxisLink, sent: list[Sent]) -> None:
+        """Read settings back. Raises DeviceError for one that the board has not taken."""
+        for what, values in sent:
+            if isinstance(what, Setting) and self._exchange is not None:
+                got = self._exchange.ask(what, link.board, axis=link.index, dialect=link.dialect)
+                if tuple(got) != tuple(values):
+                    name = f"{link.settings.axis.name}: board {link.board}"
+                    raise DeviceError(f"{name} has not taken {what.set.name}: it has {got}, not {values}")
+
+    def _connected(self) -> CanBus:
+        if self._bus is None:
+            raise DeviceError("the boards are not connected")
+        return self._bus
+
+
+def _version(exchange: Exchange, board: int) -> Version:
+    """Return the version of a board. Raises DeviceError for a board that cannot be driven."""
+    found = exchange.version(board)
+    name = f"board {board} on {exchange.bus.name}"
+    if found.board_type not in FOC_BOARDS | JOINT_BOARDS:
+        raise DeviceError(f"{name} is no motor board but a {found.type_name}; look at CanAddresses")
+    if not found.acknowledged:
+        spoken, own = (".".join(map(str, one)) for one in (found.protocol, PROTOCOL))
+        raise DeviceError(f"{name} speaks version {spoken} of the protocol, not {own}; update its firmware")
+    return found
