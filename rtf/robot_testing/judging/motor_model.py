@@ -30,6 +30,8 @@ _CERTAIN = 0.05
 #: What the model may leave of the currents, as a share of what the duty cycles drive. It leaves more where these change
 #: faster than the states show, as with a noisy encoder in the loop: then a current belongs to another duty cycle.
 _LEFT = 0.3
+#: Noise of a current sensor that is no deviation, in standard deviations.
+_OUTSIDE = 3.0
 #: What makes the error of a coefficient great that has no effect: a share of the squares, and a noise (A).
 _SINGULAR, _LEAST_NOISE = 1e-12, 1e-6
 _PER_CENT = 100.0
@@ -74,6 +76,23 @@ class WrongMotor(NamedTuple):
 
     text: str
     finding: str
+
+
+def as_its_drive(duties: FloatArray, currents: FloatArray, speeds: FloatArray, drive: Drive, supply: float) -> bool:
+    """Return whether the currents of a motor are those of its drive, but for tolerances and noise; see ``motor_model``.
+
+    Where they are there is nothing to be explained, and a model that is fitted to states which hardly differ, or to
+    speeds that are noisy, would say too much.
+    """
+    expected = duties * supply / (_PER_CENT * drive.resistance)
+    expected -= np.radians(speeds) * drive.torque_constant / drive.resistance
+    apart, most = _size(currents - expected), max(_size(currents), _size(expected))
+    return apart <= TOLERANCE * most + _OUTSIDE * (drive.current_noise + drive.current_step)
+
+
+def _size(values: FloatArray) -> float:
+    """Return the root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def wrong_motor(found: MotorModel) -> WrongMotor | None:

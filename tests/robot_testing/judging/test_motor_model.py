@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rtf.robot.model.drives import Drive
-from rtf.robot_testing.judging.motor_model import MotorModel, motor_model, wrong_motor
+from rtf.robot_testing.judging.motor_model import MotorModel, as_its_drive, motor_model, wrong_motor
 
 SUPPLY, RESISTANCE, CONSTANT = 24.0, 3.0, 0.03
 DRIVE = Drive("current", SUPPLY, RESISTANCE, CONSTANT, 0.01, 0.001, assumed=False, turns=100.0)
@@ -104,6 +105,28 @@ def test_what_the_motion_does_not_show_is_unknown():
     still = fitted(0.0 * duties, 0.0 * currents, speeds)
     assert math.isnan(still.gain)
     assert math.isnan(still.uneven)
+
+
+def test_the_currents_of_a_healthy_motor_are_those_of_its_drive():
+    """Also if its winding has 25 % more resistance, or if it holds a load, and noise shakes its encoder."""
+    duties, currents, speeds = states()
+    assert as_its_drive(duties, currents, speeds, DRIVE, SUPPLY)
+    assert as_its_drive(duties, currents, speeds, replace(DRIVE, resistance=0.8 * RESISTANCE), SUPPLY)
+    shaken = 1400.0 * np.random.default_rng(5).standard_normal(len(duties))
+    held = 0.2 + NOISE * np.random.default_rng(6).standard_normal(len(duties))
+    duties = (RESISTANCE * held + CONSTANT * np.radians(shaken)) * 100.0 / SUPPLY
+    seen = shaken + 300.0 * np.random.default_rng(7).standard_normal(len(duties))
+    assert as_its_drive(duties, held, seen, DRIVE, SUPPLY)
+
+
+def test_the_currents_of_a_broken_motor_are_not_those_of_its_drive():
+    """Dead, with weak magnets, or with an amplifier that lacks half of one direction."""
+    duties, currents, speeds = states()
+    assert not as_its_drive(duties, 0.0 * currents, speeds, DRIVE, SUPPLY)
+    weak = duties - 0.7 * CONSTANT * np.radians(speeds) * 100.0 / SUPPLY
+    assert not as_its_drive(weak, currents, speeds, DRIVE, SUPPLY)
+    uneven = np.where(duties > 0.0, 2.0 * duties, duties)
+    assert not as_its_drive(uneven, currents, speeds, DRIVE, SUPPLY)
 
 
 def test_currents_that_belong_to_other_duty_cycles_show_nothing():
