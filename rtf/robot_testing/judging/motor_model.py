@@ -30,7 +30,7 @@ _CERTAIN = 0.05
 #: What the model may leave of the currents, as a share of what the duty cycles drive. It leaves more where these change
 #: faster than the states show, as with a noisy encoder in the loop: then a current belongs to another duty cycle.
 _LEFT = 0.3
-#: Noise of a current sensor that is no deviation, in standard deviations.
+#: Noise of a current sensor that is no current, in standard deviations.
 _OUTSIDE = 3.0
 #: What makes the error of a coefficient great that has no effect: a share of the squares, and a noise (A).
 _SINGULAR, _LEAST_NOISE = 1e-12, 1e-6
@@ -78,33 +78,47 @@ class WrongMotor(NamedTuple):
     finding: str
 
 
-def as_its_drive(duties: FloatArray, currents: FloatArray, speeds: FloatArray, drive: Drive, supply: float) -> bool:
-    """Return whether the currents of a motor are those of its drive, but for tolerances and noise; see ``motor_model``.
+def wrong_motor(
+    duties: FloatArray, currents: FloatArray, speeds: FloatArray, drive: Drive, supply: float
+) -> WrongMotor | None:
+    """Return what is wrong with a motor by its states, see ``motor_model``; None if nothing is, or they do not show it.
 
-    Where they are there is nothing to be explained, and a model that is fitted to states which hardly differ, or to
-    speeds that are noisy, would say too much.
+    They show what the model says in both directions, currents by duty cycles and these by currents. Noise, as of the
+    speeds of a motor whose current hardly changes, makes one of them say too much and the other one too little.
     """
-    expected = duties * supply / (_PER_CENT * drive.resistance)
-    expected -= np.radians(speeds) * drive.torque_constant / drive.resistance
-    apart, most = _size(currents - expected), max(_size(currents), _size(expected))
-    return apart <= TOLERANCE * most + _OUTSIDE * (drive.current_noise + drive.current_step)
-
-
-def _size(values: FloatArray) -> float:
-    """Return the root mean square."""
-    return float(np.sqrt(np.mean(values**2)))
-
-
-def wrong_motor(found: MotorModel) -> WrongMotor | None:
-    """Return what is wrong with a motor by its model; None if nothing is, or the motion does not show it."""
+    noise = _OUTSIDE * (drive.current_noise + drive.current_step)
+    if _size(currents) <= noise:
+        expected = duties * supply / (_PER_CENT * drive.resistance)
+        expected -= np.radians(speeds) * drive.torque_constant / drive.resistance
+        return WrongMotor("it has no current", "current sensor") if _size(expected) > _OUTSIDE * noise else None
+    found = motor_model(duties, currents, speeds, drive, supply)
+    even = 1.0 if math.isnan(found.uneven) else np.where(duties > 0.0, found.upwards, found.downwards) / found.gain
+    gain, constant = _backwards(even * duties, currents, speeds, drive, supply)
+    if not abs(found.gain - gain) <= TOLERANCE:
+        return None
     if abs(found.gain - 1.0) > TOLERANCE:
         return WrongMotor(f"its current is {found.gain:.0%} of what its duty cycle drives", "current sensor")
     if abs(found.uneven) > UNEVEN:
         way = "positive" if found.uneven < 0.0 else "negative"
         return WrongMotor(f"a {way} duty cycle drives {abs(found.uneven):.0%} less current", "uneven amplifier")
-    if abs(found.constant - 1.0) > TOLERANCE:
+    if abs(found.constant - 1.0) > TOLERANCE and abs(found.constant - constant) <= TOLERANCE:
         return WrongMotor(f"its torque constant is {found.constant:.0%} of that in robot.toml", "weak magnets")
     return None
+
+
+def _backwards(
+    duties: FloatArray, currents: FloatArray, speeds: FloatArray, drive: Drive, supply: float
+) -> tuple[float, float]:
+    """Return the scale of the currents and the torque constant by duty cycles that are explained by currents."""
+    (by_current, by_speed, _), *_ = _fit(np.column_stack([currents, speeds, np.ones(len(duties))]), duties)
+    volts = supply / _PER_CENT
+    gain = drive.resistance / (volts * by_current) if by_current else math.inf
+    return float(gain), float(volts * by_speed / (math.radians(1.0) * drive.torque_constant))
+
+
+def _size(values: FloatArray) -> float:
+    """Return the root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def motor_model(

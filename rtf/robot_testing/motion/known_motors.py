@@ -9,7 +9,7 @@ import numpy as np
 from rtf.robot.errors import NotSupportedError, RefusedError
 from rtf.robot.extended_state import Field
 from rtf.robot_testing.judging.blame import Evidence, Strength, accused
-from rtf.robot_testing.judging.motor_model import as_its_drive, motor_model, wrong_motor
+from rtf.robot_testing.judging.motor_model import wrong_motor
 from rtf.robot_testing.motion.stop_evidence import stop_evidence
 
 if TYPE_CHECKING:
@@ -66,9 +66,7 @@ def motor_evidence(part: Part, motors: Mapping[int, KnownMotor]) -> list[Evidenc
         columns = duties[:, motor], currents[:, motor], speeds[:, motor]
         if not one.known or not all(np.isfinite(column).all() for column in columns):
             continue
-        if as_its_drive(*columns, one.drive, one.supply):
-            continue
-        if wrong := wrong_motor(motor_model(*columns, one.drive, one.supply)):
+        if wrong := wrong_motor(*columns, one.drive, one.supply):
             text = f"the motor of {part.names[motor]}: {wrong.text}"
             found.append(Evidence(frozenset({motor}), text, (wrong.finding,)))
     return found

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rtf.robot.model.drives import Drive
-from rtf.robot_testing.judging.motor_model import MotorModel, as_its_drive, motor_model, wrong_motor
+from rtf.robot_testing.judging.motor_model import MotorModel, motor_model, wrong_motor
 
 SUPPLY, RESISTANCE, CONSTANT = 24.0, 3.0, 0.03
 DRIVE = Drive("current", SUPPLY, RESISTANCE, CONSTANT, 0.01, 0.001, assumed=False, turns=100.0)
@@ -107,57 +106,42 @@ def test_what_the_motion_does_not_show_is_unknown():
     assert math.isnan(still.uneven)
 
 
-def test_the_currents_of_a_healthy_motor_are_those_of_its_drive():
-    """Also if its winding has 25 % more resistance, or if it holds a load, and noise shakes its encoder."""
+def wrong(duties: np.ndarray, currents: np.ndarray, speeds: np.ndarray) -> str:
+    """What is said of the motor."""
+    found = wrong_motor(duties, currents, speeds, DRIVE, SUPPLY)
+    return found.text if found else ""
+
+
+def test_a_healthy_motor_is_not_accused():
+    """Nor one whose winding has 25 % more resistance, nor one that rests."""
     duties, currents, speeds = states()
-    assert as_its_drive(duties, currents, speeds, DRIVE, SUPPLY)
-    assert as_its_drive(duties, currents, speeds, replace(DRIVE, resistance=0.8 * RESISTANCE), SUPPLY)
+    noise = NOISE * np.random.default_rng(6).standard_normal(len(duties))
+    assert wrong(duties, currents, speeds) == ""
+    assert wrong(duties + 0.25 * RESISTANCE * currents * 100.0 / SUPPLY, currents, speeds) == ""
+    assert wrong(0.0 * duties, noise, 0.0 * speeds) == ""
+
+
+def test_noise_does_not_accuse_a_motor():
+    """Of speeds, where the current hardly changes; of duty cycles that last for a millisecond, not for a state."""
+    duties, currents, speeds = states()
     shaken = 1400.0 * np.random.default_rng(5).standard_normal(len(duties))
     held = 0.2 + NOISE * np.random.default_rng(6).standard_normal(len(duties))
-    duties = (RESISTANCE * held + CONSTANT * np.radians(shaken)) * 100.0 / SUPPLY
+    by_speed = (RESISTANCE * held + CONSTANT * np.radians(shaken)) * 100.0 / SUPPLY
     seen = shaken + 300.0 * np.random.default_rng(7).standard_normal(len(duties))
-    assert as_its_drive(duties, held, seen, DRIVE, SUPPLY)
+    assert fitted(by_speed, held, seen).gain < 0.3
+    assert wrong(by_speed, held, seen) == ""
+    other = 40.0 * np.random.default_rng(3).standard_normal((2, len(duties)))
+    assert wrong(duties + other[0], currents + other[1] * SUPPLY / RESISTANCE / 100.0, speeds) == ""
 
 
-def test_the_currents_of_a_broken_motor_are_not_those_of_its_drive():
-    """Dead, with weak magnets, or with an amplifier that lacks half of one direction."""
-    duties, currents, speeds = states()
-    assert not as_its_drive(duties, 0.0 * currents, speeds, DRIVE, SUPPLY)
-    weak = duties - 0.7 * CONSTANT * np.radians(speeds) * 100.0 / SUPPLY
-    assert not as_its_drive(weak, currents, speeds, DRIVE, SUPPLY)
-    uneven = np.where(duties > 0.0, 2.0 * duties, duties)
-    assert not as_its_drive(uneven, currents, speeds, DRIVE, SUPPLY)
-
-
-def test_currents_that_belong_to_other_duty_cycles_show_nothing():
-    """With noise in the loop a duty cycle lasts for a millisecond, and the current is that of another one."""
-    duties, currents, speeds = states()
-    shaken = 40.0 * np.random.default_rng(3).standard_normal((2, len(duties)))
-    found = fitted(duties + shaken[0], currents + shaken[1] * SUPPLY / RESISTANCE / 100.0, speeds)
-    assert math.isnan(found.gain)
-    assert wrong_motor(found) is None
-
-
-@pytest.mark.parametrize(
-    ("model", "text"),
-    [
-        (MotorModel(0.0, 0.0, math.nan, 0.0), "its current is 0% of what its duty cycle drives"),
-        (MotorModel(1.0, 0.6, 1.0, 0.0), "a negative duty cycle drives 40% less current"),
-        (MotorModel(0.6, 1.0, 1.0, 0.0), "a positive duty cycle drives 40% less current"),
-        (MotorModel(1.0, 1.0, 0.3, 0.0), "its torque constant is 30% of that in robot.toml"),
-        (MotorModel(1.0, 1.0, -1.0, 0.0), "its torque constant is -100% of that in robot.toml"),
-    ],
-)
-def test_a_motor_that_is_not_what_its_drive_says_is_described(model: MotorModel, text: str):
+def test_what_a_motor_does_not_do_as_its_drive_says_is_described():
     """The winding first, then the amplifier, then the magnets."""
-    wrong = wrong_motor(model)
-    assert wrong is not None
-    assert wrong.text == text
-
-
-@pytest.mark.parametrize(
-    "model", [MotorModel(0.8, 0.8, 1.2, 0.0), MotorModel(0.85, 1.0, 0.8, 1.0), MotorModel(*[math.nan] * 4)]
-)
-def test_a_motor_within_its_tolerances_is_no_evidence(model: MotorModel):
-    """Nor is one of which the motion has shown nothing."""
-    assert wrong_motor(model) is None
+    duties, currents, speeds = states()
+    noise = NOISE * np.random.default_rng(6).standard_normal(len(duties))
+    induced = CONSTANT * np.radians(speeds) * 100.0 / SUPPLY
+    assert wrong(duties, noise, speeds) == "it has no current"
+    assert wrong(duties, -currents, speeds) == "its current is -100% of what its duty cycle drives"
+    assert wrong(np.where(duties < 0.0, 2.0 * duties, duties), currents, speeds).startswith("a negative duty cycle")
+    assert wrong(np.where(duties > 0.0, 2.0 * duties, duties), currents, speeds).startswith("a positive duty cycle")
+    assert wrong(duties - 0.7 * induced, currents, speeds) == "its torque constant is 30% of that in robot.toml"
+    assert wrong(duties - 2.0 * induced, currents, speeds) == "its torque constant is -100% of that in robot.toml"
