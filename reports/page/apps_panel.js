@@ -2,7 +2,7 @@
 
 import { fill, free, h, setText } from "./dom.js";
 import { sign } from "./state_signs.js";
-import { showState, stateOfBox, stateOfLink } from "./apps_states.js";
+import { rateOfLink, showState, stateOfBox, stateOfLink } from "./apps_states.js";
 
 const MODULE = [
   ["name", "Program"], ["parameters", "Parameters"], ["node", "Node"], ["prefix", "Prefix of ports"], ["workdir", "Working directory"],
@@ -21,6 +21,7 @@ export class AppPanel {
     this.page = page;
     this.state = h("span");
     this.reason = free("");
+    this.rate = h("span", { class: "number" });
     this.written = h("div", {}, h("h3", { text: "Output" }));
     this.output = h("pre", { class: "mono output", tabindex: 0, role: "region", "aria-label": "Output" });
     this.written.append(this.output);
@@ -84,7 +85,7 @@ export class AppPanel {
     return h("label", { class: "check" }, box, ` ${label}`);
   }
 
-  /** The rate of a connection is measured by reading its source for a moment. */
+  /** The rate of a connection, and a button that measures one that is not counted, by reading its source for a moment. */
   #rate(link) {
     const found = h("span", { class: "number", role: "status" });
     const button = h("button", { type: "button", disabled: !this.page.editable, text: "Measure the rate", on: { click: async () => {
@@ -93,7 +94,7 @@ export class AppPanel {
       setText(found, await this.page.measure(link.key));
       button.disabled = false;
     } } });
-    return h("p", { class: "rate" }, button, " ", found);
+    return [h("p", {}, "Rate: ", this.rate), h("p", { class: "rate" }, button, " ", found)];
   }
 
   #facts(item, isBox) {
@@ -131,6 +132,7 @@ export class AppPanel {
     const [state, pid, reason] = item.ports ? (stateOfBox(item, status) ?? ["unknown", 0, ""]) : [stateOfLink(item, status), 0, ""];
     showState(this.state, state);
     setText(this.reason, reason || (pid ? `process ${pid}` : ""));
+    if (!item.ports) setText(this.rate, rateOfLink(item, status) || "not counted");
   }
 
   async #readOutput() {

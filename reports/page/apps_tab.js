@@ -13,7 +13,7 @@ import { AppToolbar } from "./apps_toolbar.js";
 import { h, setText } from "./dom.js";
 
 const CHECK_PAUSE = 300; // milliseconds from a change to the check of it
-const NOTHING = { modules: {}, connections: {}, nodes: {}, happened: [], runner: 0, outdated: false };
+const NOTHING = { modules: {}, connections: {}, rates: {}, nodes: {}, happened: [], runner: 0, outdated: false };
 
 export class AppTab {
   selection = new Set(); // keys of boxes and names of links

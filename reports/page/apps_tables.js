@@ -3,7 +3,7 @@
 import { fill, free, h, setText } from "./dom.js";
 import { visible } from "./format.js";
 import { formatClock } from "./logs_entry.js";
-import { showState, stateOfBox, stateOfLink } from "./apps_states.js";
+import { rateOfLink, showState, stateOfBox, stateOfLink } from "./apps_states.js";
 import { sign } from "./state_signs.js";
 
 const SHOWN = 300; // sentences of what happened
@@ -43,18 +43,19 @@ export class ModuleTable {
   draw({ boxes }) {
     this.rows = boxes.filter((box) => box.kind !== "external").map((box) => {
       const state = h("span");
-      const [pid, reason] = [h("span", { class: "number" }), free("", "span", { class: "wrap" })];
+      const [node, pid, reason] = [free(""), h("span", { class: "number" }), free("", "span", { class: "wrap" })];
       const name = h("button", { type: "button", class: "quiet", on: { click: () => this.page.show(box.key) } }, free(box.title));
-      const row = new Row(this.page, box.key, box.title, [name, state, free(box.node), pid, free(box.command, "span", { class: "mono" }), free(box.kind === "embedded" ? box.file : ""), reason]);
-      return Object.assign(row, { item: box, state, pid, reason });
+      const row = new Row(this.page, box.key, box.title, [name, state, node, pid, free(box.command, "span", { class: "mono" }), free(box.kind === "embedded" ? box.file : ""), reason]);
+      return Object.assign(row, { item: box, state, node, pid, reason });
     });
     fill(this.element, table("Modules", [unseen("Select"), "Program", "State", "Node", "Process", "Command", "Embedded in", "Reason"], this.rows.map((row) => row.element)));
   }
 
   update(status, selection) {
     for (const row of this.rows ?? []) {
-      const [word, pid, reason] = stateOfBox(row.item, status);
+      const [word, pid, reason, node] = stateOfBox(row.item, status);
       showState(row.state, word);
+      setText(row.node, node);
       setText(row.pid, pid || "");
       setText(row.reason, reason);
       row.select(selection.has(row.key));
@@ -73,15 +74,17 @@ export class ConnectionTable {
     this.rows = links.map((link) => {
       const state = h("span");
       const name = h("button", { type: "button", class: "quiet", on: { click: () => this.page.show(link.name) } }, free(link.source));
-      const row = new Row(this.page, link.name, `${link.source} to ${link.target}`, [name, free(link.target), state, free(link.carrier), link.persist ? "persists" : ""]);
-      return Object.assign(row, { item: link, state });
+      const rate = h("span", { class: "number" });
+      const row = new Row(this.page, link.name, `${link.source} to ${link.target}`, [name, free(link.target), state, rate, free(link.carrier), link.persist ? "persists" : ""]);
+      return Object.assign(row, { item: link, state, rate });
     });
-    fill(this.element, table("Connections", [unseen("Select"), "From", "To", "State", "Carrier", unseen("Persistent")], this.rows.map((row) => row.element)));
+    fill(this.element, table("Connections", [unseen("Select"), "From", "To", "State", "Rate", "Carrier", unseen("Persistent")], this.rows.map((row) => row.element)));
   }
 
   update(status, selection) {
     for (const row of this.rows ?? []) {
       showState(row.state, stateOfLink(row.item, status));
+      setText(row.rate, rateOfLink(row.item, status));
       row.select(selection.has(row.key));
     }
   }

@@ -57,6 +57,7 @@ class Event:
 class Unit:
     """A module in the hands of a manager.
 
+    ``key`` is its tag as the file has it, before a program was replaced or a node chosen.
     ``placed`` says why it is on its node, if that was chosen, ``since`` is when it was started, ``reason`` why it does
     not run, ``attempts`` how often it was restarted in a row, ``halted`` that it was asked to stop by itself, without
     the application, ``unnoticed`` that it was found not to run any more, which the manager has not dealt with yet.
@@ -65,6 +66,7 @@ class Unit:
     index: int
     module: Module
     deployer: Deployer | None
+    key: str
     state: State = State.STOPPED
     pid: int = 0
     reason: str = ""

@@ -107,14 +107,15 @@ class Manager:
 
     def _unit(self, placement: Placement, index: int, found: tuple[Substituted, Needs]) -> Unit:
         substituted, needs = found
+        key = self.application.modules[index].tag
         if substituted.missing:
             told, optional = substituted.told, substituted.optional
-            return Unit(index, substituted.module, None, State.MISSING, reason=told, optional=optional)
+            return Unit(index, substituted.module, None, key, State.MISSING, reason=told, optional=optional)
         placed = placement.place(substituted.module, needs)
         if placed.module is None:
             reason = f"{substituted.module} is not there: {placed.why}"
-            return Unit(index, substituted.module, None, State.MISSING, reason=reason)
-        return Unit(index, placed.module, self._deployer_of(placed.module), placed=placed.why)
+            return Unit(index, substituted.module, None, key, State.MISSING, reason=reason)
+        return Unit(index, placed.module, self._deployer_of(placed.module), key, placed=placed.why)
 
     def _deployer_of(self, module: Module) -> Deployer:
         """Return the deployer of a module at its node, the same for all modules there. From any thread."""

@@ -14,16 +14,18 @@ from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from rtf import clock
+from rtf.applications.connections import Link
+from rtf.applications.deployers import SSH
 from rtf.applications.errors import ApplicationError
 from rtf.applications.events import Event, Kind, State
 from rtf.applications.links import Links
 from rtf.applications.manager import LOOK
 from rtf.applications.page.document import save
 from rtf.applications.page.nodes import Nodes
-from rtf.applications.page.rate import measure
+from rtf.applications.page.rate import LiveRates, measure
 from rtf.applications.page.view import key_of
 from rtf.applications.xml.reader import read_application
 from rtf.errors import RtfError
@@ -32,10 +34,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
     from pathlib import Path
 
+    from rtf.applications.deployer import Deployer
     from rtf.applications.events import Say, Unit
     from rtf.applications.manager import Manager
     from rtf.applications.page.document import Document
-    from rtf.applications.page.rate import Rate
+    from rtf.applications.page.rate import LiveRate, Rate
     from rtf.applications.session import Session
     from rtf.applications.xml.model import Application, Connection
     from rtf.middleware.ports.network import Network
@@ -50,6 +53,8 @@ _SHARE = 0.1
 #: Requests of one application that are worked on at the same time.
 _WORKERS = 8
 STOPPING = "stopping"
+#: State, process id, reason and node of a module.
+ModuleState: TypeAlias = tuple[str, int, str, str]
 
 
 class Factory(Protocol):
@@ -81,14 +86,16 @@ class NumberedEvent:
 class Status:
     """How an application is now.
 
-    ``modules`` has state, process id and reason by tag, ``connections`` the state by key. ``runner`` is another process
-    that runs the application. ``outdated``: what runs is not what the file has.
+    ``modules`` has state, process id, reason and node by tag, ``connections`` the state by key, ``rates`` the rate of
+    those that are counted. ``runner`` is another process that runs the application. ``outdated``: what runs is not what
+    the file has.
     """
 
     runner: int
     outdated: bool
-    modules: Mapping[str, tuple[str, int, str]]
+    modules: Mapping[str, ModuleState]
     connections: Mapping[str, str]
+    rates: Mapping[str, LiveRate]
     nodes: Mapping[str, Mapping[str, object]]
     happened: Sequence[NumberedEvent]
 
@@ -110,8 +117,10 @@ class ControlledApplication:
         self._begun: set[str] = set()  # tags of the modules that the page has started
         self._count = 0
         self._happened: deque[NumberedEvent] = deque(maxlen=_KEPT)
-        self._before: dict[str, tuple[str, int, str]] = {}  # how modules ended, by tag
+        self._before: dict[str, ModuleState] = {}  # how modules ended, by tag
         self._linked: dict[str, str] = {}
+        self._rates: Mapping[str, LiveRate] = {}
+        self._counted = LiveRates(factory.network)
         self._asked = clock.monotonic()
         self._closing = threading.Event()
         self._application = self._read()
@@ -145,10 +154,10 @@ class ControlledApplication:
     def status(self, after: int = 0) -> Status:
         """Return how the application is, and what happened after the sentence with a number."""
         self._asked = clock.monotonic()
-        modules = {**self._before, **{unit.module.tag: _state(unit) for unit in self._units()}}
+        modules = {**self._before, **{unit.key: _state(unit) for unit in self._units()}}
         with self._telling:
             happened = [one for one in self._happened if one.number > after]
-        return Status(self._runner, self._saved, modules, self._linked, self._nodes.loads, happened)
+        return Status(self._runner, self._saved, modules, self._linked, self._rates, self._nodes.loads, happened)
 
     def _units(self) -> Sequence[Unit]:
         manager = self._manager
@@ -156,8 +165,8 @@ class ControlledApplication:
 
     def output(self, tag: str) -> Sequence[str]:
         """Return the last lines of a module; none where they are not known."""
-        places = [unit.deployer for unit in self._units() if unit.module.tag == tag]
-        return places[0].output(tag) if places and places[0] is not None else ()
+        units = [unit for unit in self._units() if unit.key == tag and unit.deployer is not None]
+        return units[0].place.output(units[0].module.tag) if units else ()
 
     # Requests --------------------------------------------------------------------------------------------------------
 
@@ -166,7 +175,7 @@ class ControlledApplication:
         with self._lock:
             manager = self._take_over()
             units = _chosen(manager, tags)
-            self._begun |= {unit.module.tag for unit in units if not unit.active}
+            self._begun |= {unit.key for unit in units if not unit.active}
 
             def work() -> None:
                 if tags is not None or manager.is_fulfilled():
@@ -279,7 +288,7 @@ class ControlledApplication:
             if self._manager is None or self._working:
                 return
             if not self._runner:
-                self._before = {unit.module.tag: _state(unit) for unit in self._manager.units}
+                self._before = {unit.key: _state(unit) for unit in self._manager.units}
             self._manager.close()
             self._manager, self._runner = None, 0
             self._begun.clear()
@@ -298,7 +307,7 @@ class ControlledApplication:
         self._pool.shutdown()
         if self._manager is not None and self._begun:
             self._manager.links.disconnect()
-            self._manager.halt([unit for unit in self._manager.units if unit.module.tag in self._begun])
+            self._manager.halt([unit for unit in self._manager.units if unit.key in self._begun])
         self._release()
         self._nodes.close()
 
@@ -353,17 +362,24 @@ class ControlledApplication:
             begun = clock.monotonic()
             states = self._current_links().states()
             self._linked = {key_of(connection): str(state) for connection, state in states}
-            self._nodes.look({module.node for module in self._application.modules})
+            self._rates = self._counted.rates([one for one, state in states if state is Link.CONNECTED])
+            self._nodes.look(self._places())
             pause = max(_LOOK_AT_LINKS, (clock.monotonic() - begun) / _SHARE)
+
+    def _places(self) -> dict[str, Deployer | None]:
+        """Return the nodes of modules, with their deployers as long as there is a manager."""
+        modules = self._application.modules
+        places: dict[str, Deployer | None] = {one.node: None for one in modules if one.deployer != SSH}
+        return places | {unit.module.node: unit.deployer for unit in self._units() if unit.deployer is not None}
 
 
 def _chosen(manager: Manager, tags: Collection[str] | None) -> list[Unit]:
-    units = [unit for unit in manager.units if tags is None or unit.module.tag in tags]
+    units = [unit for unit in manager.units if tags is None or unit.key in tags]
     if tags is not None and len(units) < len({*tags}):
         raise ApplicationError("the application has no such module; reload the page")
     return units
 
 
-def _state(unit: Unit) -> tuple[str, int, str]:
+def _state(unit: Unit) -> ModuleState:
     state = STOPPING if unit.halted and unit.state is State.RUNNING else str(unit.state)
-    return state, unit.pid if unit.state is State.RUNNING else 0, unit.reason
+    return state, unit.pid if unit.state is State.RUNNING else 0, unit.reason, unit.module.node

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 from rtf import clock
@@ -12,9 +13,10 @@ from rtf.applications.run.client import RunClient
 from rtf.errors import RtfError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Mapping
     from concurrent.futures import Future
 
+    from rtf.applications.deployer import Deployer
     from rtf.middleware.ports.network import Network
 
 #: Seconds between two questions to a node, and for its answer.
@@ -31,22 +33,25 @@ class Nodes:
         self._pool = ThreadPoolExecutor(_MOST_AT_ONCE, "rtf-app-page-nodes")
         self._asked: dict[str, tuple[float, Future[Mapping[str, object]]]] = {}
 
-    def look(self, nodes: Iterable[str]) -> None:
-        """Ask nodes that were not asked for a while, and take the answers that have come."""
+    def look(self, nodes: Mapping[str, Deployer | None]) -> None:
+        """Ask nodes that were not asked for a while, by their deployers if they have one, and take what has come."""
         loads = {}
-        for node in sorted(nodes):
+        for node, deployer in sorted(nodes.items(), key=itemgetter(0)):
             when, future = self._asked.get(node, (0.0, None))
             if future is not None and future.done():
                 loads[node] = future.result()
             elif node in self.loads:
                 loads[node] = self.loads[node]
             if future is None or (future.done() and clock.monotonic() - when > _EVERY):
-                self._asked[node] = clock.monotonic(), self._pool.submit(self._ask, node)
+                self._asked[node] = clock.monotonic(), self._pool.submit(self._ask, node, deployer)
         self.loads = loads
 
-    def _ask(self, node: str) -> Mapping[str, object]:
+    def _ask(self, node: str, deployer: Deployer | None) -> Mapping[str, object]:
         try:
-            if is_local(node):
+            figures = deployer.figures() if deployer is not None else None
+            if figures is not None:
+                found = figures
+            elif is_local(node):
                 found = sysinfo.measure()
             else:
                 name = f"/{node.lstrip('/')}"

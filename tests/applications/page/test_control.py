@@ -38,7 +38,7 @@ class Bench:
 
     def states(self) -> dict[str, str]:
         """The states of the modules, by tag."""
-        return {tag: state for tag, (state, _, _) in self.controlled.status().modules.items()}
+        return {tag: state for tag, (state, *_) in self.controlled.status().modules.items()}
 
     def has(self, **states: str) -> None:
         """Wait until modules have these states."""
