@@ -5,7 +5,7 @@ import { CARRIERS } from "./apps_panel.js";
 
 const KEYS = [
   [["←", "→", "↑", "↓"], "in the graph: go to the next box"], [["Shift", "arrow"], "in the graph: move the selected boxes"],
-  [["Enter"], "in the graph: edit what is selected"], [["a"], "add a program"], [["c"], "in the graph: add a connection"],
+  [["Enter"], "in the graph: edit what is selected"], [["a"], "add a program"], [["c"], "in the graph: add a connection"], [["w"], "in the graph: have the selected program wait for a port"],
   [["Delete"], "in the graph: remove what is selected"], [["+"], "in the graph: zoom in"], [["-"], "in the graph: zoom out"], [["0"], "in the graph: show all"],
   [["Ctrl", "Z"], "undo"], [["Ctrl", "Y"], "redo"], [["Ctrl", "S"], "save"], [["?"], "this list"],
 ];
@@ -56,6 +56,14 @@ export function askForProgram(palette, done) {
   input.addEventListener("input", draw);
   draw();
   open(dialog("Add a program", [name, list, field("parameters", "Parameters"), field("node", "Node", { placeholder: "this machine" })], "Add", done));
+}
+
+/** Ask for a port that a program waits for; `boxes` have those that are known. */
+export function askForDependency(boxes, done) {
+  const known = boxes.flatMap((box) => box.ports.map((one) => h("option", { value: one.name })));
+  const port = field("port", "Port", { list: "ports", pattern: "(/|\\$).*", title: "The name of a port begins with a slash", required: true });
+  const timeout = field("timeout", "Timeout, s", { inputmode: "decimal", placeholder: "that of the run" });
+  open(dialog("Wait for a port", [port, timeout, field("request", "Request"), field("reply", "Reply"), h("datalist", { id: "ports" }, known)], "Wait", done));
 }
 
 /** Show what the keys do. */

@@ -10,14 +10,14 @@ const STEP = 20; // by which a key moves a box
 const CLICK = 4; // pixels that a pointer may move in a click
 const ZOOM = 1.25;
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
-const HELP = "Arrow keys go to another program, with Shift they move it; Enter shows it, C connects it, Delete removes it, plus, minus and 0 zoom. The tables below have all that is in the graph.";
+const HELP = "Arrow keys go to another program, with Shift they move it; Enter shows it, C connects it, W has it wait for a port, Delete removes it, plus, minus and 0 zoom. The tables below have all that is in the graph.";
 
 export class AppGraph {
   #model = { boxes: [], links: [], byKey: new Map() };
   #drag = null;
   #frame = 0;
 
-  /** `page` has editable, selection, select(keys), moved(boxes), connect(source, target), askToConnect(), open(), remove(). */
+  /** `page` has editable, selection, select(keys), moved(boxes), connect(source, target), wait(id, dependency), askToConnect(), askToWait(), open(), remove(). */
   constructor(page) {
     this.page = page;
     this.canvas = new AppCanvas();
@@ -96,7 +96,7 @@ export class AppGraph {
     this.#cancel();
     if (!drag.moved) this.#clicked(drag);
     else if (drag.kind === "boxes") this.page.moved(drag.boxes);
-    else if (drag.kind === "link") this.#dropped(drag, document.elementFromPoint(event.clientX, event.clientY)?.closest("[data-port]"));
+    else if (drag.kind === "link") this.#dropped(drag, document.elementFromPoint(event.clientX, event.clientY));
   }
 
   #cancel() {
@@ -112,7 +112,11 @@ export class AppGraph {
     else if (key) this.page.select(selection.has(key) ? [...selection].filter((one) => one !== key) : [...selection, key]);
   }
 
-  #dropped({ port, side }, found) {
+  /** A port that is dropped on one of the other side is connected; one that is dropped on a box is waited for. */
+  #dropped({ box, port, side }, element) {
+    const found = element?.closest("[data-port]");
+    const waiting = this.#model.byKey.get(element?.closest("[data-box]")?.dataset.box);
+    if (!found && waiting?.id && waiting !== box) this.page.wait(waiting.id, { port });
     if (!found || found.dataset.side === side) return;
     const [source, target] = side === "right" ? [port, found.dataset.port] : [found.dataset.port, port];
     this.page.connect(source, target);
@@ -137,6 +141,7 @@ export class AppGraph {
   #press(key) {
     if (key === "Enter") this.page.open();
     else if (key === "c") this.page.askToConnect();
+    else if (key === "w") this.page.askToWait();
     else if (key === "Delete" || key === "Backspace") this.page.remove();
     else if (key === "+") this.canvas.zoom(ZOOM);
     else if (key === "-") this.canvas.zoom(1 / ZOOM);

@@ -1,6 +1,7 @@
 // What is selected: the texts of a module or connection, to be edited, its state, and its problems.
 
 import { fill, free, h, setText } from "./dom.js";
+import { visible } from "./format.js";
 import { sign } from "./state_signs.js";
 import { rateOfLink, showState, stateOfBox, stateOfLink } from "./apps_states.js";
 
@@ -13,8 +14,15 @@ const CHECKS = [
   ["persist", "is made again whenever both ports are open"], ["source_external", "another program opens the first port"],
   ["target_external", "another program opens the second port"],
 ];
+const DEPENDENCY = [["port", "Port"], ["timeout", "Timeout, s"], ["request", "Request"], ["reply", "Reply"]];
 export const CARRIERS = ["tcp", "fast_tcp", "udp", "mcast", "unix_stream", "text", "mjpeg"];
 const OUTPUT_PAUSE = 1000; // milliseconds between two looks at the output
+
+function textField(name, label, value, set) {
+  const input = h("input", { type: "text", name, autocomplete: "off", spellcheck: "false", list: name === "protocol" ? "carriers" : null, on: { change: () => set(name, input.value) } });
+  input.value = value ?? "";
+  return h("label", { class: "field" }, h("span", { text: label }), input);
+}
 
 export class AppPanel {
   constructor(page) {
@@ -60,9 +68,26 @@ export class AppPanel {
       editable ? this.#fields(isBox ? MODULE : CONNECTION, isBox ? document.module(item.id) : document.connection(item.id), isBox) : this.#facts(item, isBox),
       editable ? this.#removeButton() : null,
       isBox ? null : this.#rate(item),
-      isBox && item.waits?.length ? [h("h3", { text: "Waits for" }), h("ul", {}, item.waits.map((name) => h("li", {}, free(name, "span", { class: "mono" }))))] : null,
+      isBox ? (editable ? this.#dependencies(document.module(item.id)) : this.#waits(item)) : null,
       isBox ? this.#help(item) : null, isBox ? this.#ports(item) : null,
     ];
+  }
+
+  #waits({ waits }) {
+    return waits?.length ? [h("h3", { text: "Waits for" }), h("ul", {}, waits.map((name) => h("li", {}, free(name, "span", { class: "mono" }))))] : null;
+  }
+
+  /** The ports for which a module waits, to be edited. */
+  #dependencies({ id, dependencies = [] }) {
+    const now = () => this.page.document.module(id)?.dependencies ?? [];
+    const edit = (several) => this.page.edit((document) => document.setModule(id, { dependencies: several }));
+    const several = dependencies.map((texts, index) => {
+      const set = (name, value) => setTimeout(() => now()[index] && (now()[index][name] ?? "") !== value && edit(now().map((one, at) => (at === index ? { ...one, [name]: value } : one))));
+      const remove = h("button", { type: "button", class: "quiet", text: "Wait no more", "aria-label": visible(`wait no more for ${texts.port}`), on: { click: () => edit(now().filter((_, at) => at !== index)) } });
+      return h("fieldset", {}, free(texts.port, "legend", { class: "mono" }), DEPENDENCY.map(([name, label]) => textField(name, label, texts[name], set)), remove);
+    });
+    const add = h("button", { type: "button", text: "Wait for a port", on: { click: () => this.page.askToWait() } });
+    return [h("h3", { text: "Waits for" }), h("form", { class: "fields", on: { submit: (event) => event.preventDefault() } }, several, h("p", {}, add))];
   }
 
   #fields(names, texts, isBox) {
@@ -70,11 +95,7 @@ export class AppPanel {
     const edit = (fields) => this.page.edit((document) => (isBox ? document.setModule(texts.id, fields) : document.setConnection(texts.id, fields)));
     // The event comes before the focus has moved to the next field, which must not be drawn again until then.
     const set = (name, value) => setTimeout(() => found() && (found()[name] ?? "") !== value && edit({ [name]: value }));
-    const fields = names.map(([name, label]) => {
-      const input = h("input", { type: "text", name, autocomplete: "off", spellcheck: "false", list: name === "protocol" ? "carriers" : null, on: { change: () => set(name, input.value) } });
-      input.value = texts[name] ?? "";
-      return h("label", { class: "field" }, h("span", { text: label }), input);
-    });
+    const fields = names.map(([name, label]) => textField(name, label, texts[name], set));
     if (!isBox) fields.push(CHECKS.map(([name, label]) => this.#check(name, label, texts, set)));
     return h("form", { class: "fields", on: { submit: (event) => event.preventDefault() } }, fields);
   }

@@ -1,7 +1,7 @@
 // One application: its graph, what is selected, its tables, and all that is asked of the server for it.
 
 import { AppDocument } from "./apps_document.js";
-import { askForConnection, askForProgram } from "./apps_dialogs.js";
+import { askForConnection, askForDependency, askForProgram } from "./apps_dialogs.js";
 import { AppGraph } from "./apps_graph.js";
 import { arranged, modelOf } from "./apps_model.js";
 import { AppPanel } from "./apps_panel.js";
@@ -223,6 +223,22 @@ export class AppTab {
     if (!this.editable) return;
     const from = this.model.boxes.find((box) => this.selection.has(box.key))?.ports.find((port) => port.side === "right");
     askForConnection(this.model.boxes, from?.name ?? "", ({ source, target, protocol }) => this.connect(source, target, protocol));
+  }
+
+  /** Have a module start when a port is open. */
+  wait(id, dependency) {
+    const { dependencies = [] } = this.document.module(id);
+    if (dependencies.some((one) => one.port === dependency.port)) return;
+    this.edit((document) => document.setModule(id, { dependencies: [...dependencies, dependency] }));
+    this.select([id]);
+    this.say(`${this.model.byKey.get(id).title} waits for ${dependency.port}`);
+  }
+
+  askToWait() {
+    const [id] = [...this.selection].filter((key) => this.document.module(key));
+    if (!this.editable || !id) return;
+    const others = this.model.boxes.filter((box) => box.key !== id);
+    askForDependency(others, (dependency) => this.wait(id, dependency));
   }
 
   askToAdd() {

@@ -30,6 +30,7 @@ class Kind(StrEnum):
     """The kind of an event."""
 
     SUBSTITUTED = "substituted"
+    IGNORED = "ignored"
     PLACED = "placed"
     WAITING = "waiting"
     STARTED = "started"

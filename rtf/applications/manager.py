@@ -144,6 +144,8 @@ class Manager:
 
         Returns whether all is up. What is up stays up otherwise.
         """
+        for one in self.application.arbitrators:
+            self._say(Kind.IGNORED, f"the rules of {one.port} are not applied: RTF makes no port monitors")
         if not self.is_fulfilled():
             return False
         self.look()

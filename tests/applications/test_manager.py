@@ -121,6 +121,14 @@ def test_application_needs_its_ports(tmp_path: Path):
         assert run.states() == [State.STOPPED]
 
 
+def test_rules_of_arbitrators_are_told_of(tmp_path: Path):
+    """They are not applied, so every connection to their port delivers: a run says so."""
+    rule = "<arbitrator><port>/b</port><rule connection='/a'>e_quiet</rule></arbitrator>"
+    with lab(application(tmp_path, module("sleep", "60") + rule)) as run:
+        assert run.manager.start()
+        assert run.texts(Kind.IGNORED) == ["the rules of /b are not applied: RTF makes no port monitors"]
+
+
 def test_modules_in_a_circle_are_refused(tmp_path: Path):
     """The error names the modules."""
     content = module("a", "--name /a", needs("/b/out")) + module("b", "--name /b", needs("/a/out"))

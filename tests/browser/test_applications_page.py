@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import threading
 from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +13,11 @@ from playwright.sync_api import expect
 from lab import LabFactory
 from rtf.applications.page.control import ControlledApplication
 from rtf.applications.page.web import serve_applications
+from rtf.bottle import Bottle
+from rtf.middleware.naming.local import LocalNames
+from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.port import Port
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -28,6 +35,7 @@ EARS = (
     "</data></module>"
 )
 HOSTILE = "<img/src=x/onerror=alert(1)> \u202e&amp;"
+MESSAGE = Bottle(["x" * 1000])
 ESCAPED = HOSTILE.replace("&", "&amp;").replace("<", "&lt;")
 MISSING = "nothing is connected to /ears/in, which sleep requires"
 
@@ -48,10 +56,10 @@ def lab(tmp_path: Path) -> Iterator[Callable[[str], Lab]]:
     (tmp_path / "modules" / "sleep.xml").write_text(EARS)
     opened: list[Any] = []
 
-    def serve(content: str) -> Lab:
+    def serve(content: str, network: Network | None = None) -> Lab:
         file = tmp_path / "lab.xml"
         file.write_text(content)
-        controlled = ControlledApplication(file, {}, LabFactory(tmp_path))
+        controlled = ControlledApplication(file, {}, LabFactory(tmp_path, network))
         serving = serve_applications([controlled], "127.0.0.1", 0, "the-token")
         opened.append((serving, controlled))
         return Lab(file, serving.__enter__())
@@ -182,6 +190,50 @@ def test_an_application_is_built_by_keyboard(lab: Callable[[str], Lab], visit: A
     expect(box(page, "sleep")).to_have_count(0)
     keys.press("Control+z")
     expect(box(page, "sleep")).to_have_count(1)
+
+
+def test_dependencies_are_edited(lab: Callable[..., Lab], visit: Any):
+    """A port that is dropped on a program is waited for; there is a key for it, and conditions are edited."""
+    content = "<module><name>{}</name><parameters>{}</parameters></module>"
+    both = content.format("tail", "-f /dev/null") + content.format("sleep", "60")
+    served = lab(f"<application><name>lab</name>{both}</application>")
+    page = visit(served.address)
+    properties = page.get_by_role("complementary", name="Properties")
+    drag(page, page.locator('[data-port="/voice/out"] circle'), middle(box(page, "sleep").locator(".name")))
+    group = properties.get_by_role("group", name="/voice/out")
+    group.get_by_label("Timeout").fill("20")
+    group.get_by_label("Reply").fill("[ok]")
+    page.get_by_role("region", name="Graph", exact=True).press("w")
+    page.keyboard.type("/server")
+    page.keyboard.press("Enter")
+    expect(properties.get_by_role("group")).to_have_count(2)
+    page.keyboard.press("Control+s")
+    expect(page.get_by_role("button", name="Save")).to_be_disabled()
+    assert '<port timeout="20" reply="[ok]">/voice/out</port>' in served.file.read_text()
+    assert "<port>/server</port>" in served.file.read_text()
+    page.get_by_role("button", name="sleep", exact=True).click()
+    properties.get_by_role("button", name="wait no more for /server").click()
+    expect(properties.get_by_role("group")).to_have_count(1)
+
+
+def test_rates_are_live(lab: Callable[..., Lab], visit: Any):
+    """The list of connections has what comes by each, and so have the properties of one."""
+    network = Network(LocalNames())
+    content = "<connection><from external='true'>/a</from><to external='true'>/b</to></connection>"
+    with Port("/a", network=network) as source, BufferedPort("/b", network=network):
+        source.add_output("/b", "tcp")
+        page = visit(lab(f"<application><name>lab</name>{content}</application>", network).address)
+        page.get_by_role("tab", name="Connections").click()
+        row = page.get_by_role("table", name="Connections").get_by_role("row").filter(has_text="/a")
+        expect(row).to_contain_text("0.0 /s, 0.0 KiB/s")
+        done = threading.Event()
+        writer = threading.Thread(target=lambda: [source.write(MESSAGE) for _ in iter(lambda: done.wait(0.01), True)])
+        writer.start()
+        expect(row).to_contain_text(re.compile(r"[1-9][0-9]*\.[0-9] /s, [1-9][0-9]*\.[0-9] KiB/s"))
+        done.set()
+        writer.join()
+        row.get_by_role("button").click()
+        expect(page.get_by_role("complementary", name="Properties")).to_contain_text("KiB/s")
 
 
 def test_embedded_applications_are_run_and_not_edited(lab: Callable[[str], Lab], visit: Any, tmp_path: Path):

@@ -1,7 +1,7 @@
 """An application's file as the page edits it: its own modules and connections as texts, written back into its tree.
 
 The browser gets a :class:`Document` and sends it back changed. Only what differs is changed in the tree, so all that
-the page does not know, such as comments, variables and dependencies, stays in the file.
+the page does not know, such as comments, variables and rules of arbitrators, stays in the file.
 """
 
 from __future__ import annotations
@@ -26,7 +26,9 @@ if TYPE_CHECKING:
 MODULE_TEXTS = ("name", "parameters", "node", "prefix", "workdir", "environment", "deployer", "stdio", "display")
 #: An id begins with this; the number of the element among the children of the root follows.
 _MODULE, _CONNECTION = "m", "c"
-_GEOMETRY = "geometry"
+_GEOMETRY, _DEPENDENCIES, _PORT = "geometry", "dependencies", "port"
+#: The attributes of a dependency.
+_CONDITIONS = ("timeout", "request", "reply")
 #: The names of the ends of a connection.
 _SOURCE, _TARGET = ("from", "output"), ("to", "input")
 
@@ -35,8 +37,17 @@ class ChangedError(ApplicationError):
     """The file is not any more what the page has read."""
 
 
+class DependencyText(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A port for which a module waits, as written: how long, and the reply that it has to give to a request."""
+
+    port: str
+    timeout: str = ""
+    request: str = ""
+    reply: str = ""
+
+
 class ModuleText(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A module of the file: its texts as written, variables included, and the place of its box."""
+    """A module of the file: its texts as written, variables included, what it waits for, and the place of its box."""
 
     id: str
     name: str = ""
@@ -48,6 +59,7 @@ class ModuleText(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     deployer: str = ""
     stdio: str = ""
     display: str = ""
+    dependencies: tuple[DependencyText, ...] = ()
     x: float | None = None
     y: float | None = None
 
@@ -142,7 +154,17 @@ def _application(root: Element) -> Element:
 def _module(ident: str, element: Element) -> ModuleText:
     place = _place(element)
     texts = {name: _text(element, name) for name in MODULE_TEXTS}
-    return ModuleText(ident, **texts, x=place[0] if place else None, y=place[1] if place else None)
+    x, y = place or (None, None)
+    return ModuleText(ident, **texts, dependencies=tuple(map(_dependency, _needed_ports(element))), x=x, y=y)
+
+
+def _needed_ports(module: Element) -> list[Element]:
+    groups = (one for one in module.children if one.name == _DEPENDENCIES)
+    return [one for group in groups for one in group.children if one.name == _PORT]
+
+
+def _dependency(element: Element) -> DependencyText:
+    return DependencyText(element.text, *(element.attributes.get(name, "").strip() for name in _CONDITIONS))
 
 
 def _connection(ident: str, element: Element) -> ConnectionText:
@@ -223,6 +245,8 @@ def _write(element: Element, was: ModuleText | ConnectionText, now: ModuleText |
     if isinstance(was, ModuleText) and isinstance(now, ModuleText):
         for name in MODULE_TEXTS:
             _set_text(element, getattr(was, name), getattr(now, name), name)
+        if was.dependencies != now.dependencies:
+            _set_dependencies(element, now.dependencies)
         if (was.x, was.y) != (now.x, now.y) and now.x is not None and now.y is not None:
             _set_place(element, now.x, now.y)
     elif isinstance(was, ConnectionText) and isinstance(now, ConnectionText):
@@ -254,6 +278,38 @@ def _set_true(element: Element | None, name: str, *, was: bool, now: bool) -> No
     if element is not None and was != now:
         others = {key: value for key, value in element.attributes.items() if key != name}
         element.attributes = {**others, name: "true"} if now else others
+
+
+def _set_dependencies(module: Element, wanted: Sequence[DependencyText]) -> None:
+    """Write the ports for which a module waits. Those that are the same keep their elements with all that they have."""
+    groups = [one for one in module.children if one.name == _DEPENDENCIES]
+    before = _needed_ports(module)
+    made = []
+    for one in wanted:
+        found = next((old for old in before if _dependency(old) == one), None)
+        found = found or next((old for old in before if old.text == one.port), None)
+        if found is None:
+            found = _element(_PORT)
+        else:
+            before.remove(found)
+        _set_dependency(found, one)
+        made.append(found)
+    if not groups and made:
+        groups = [_element(_DEPENDENCIES)]
+        module.children.append(groups[0])
+    for number, group in enumerate(groups):
+        others = [one for one in group.children if one.name != _PORT]
+        group.children = [*others, *(made if number == 0 else ())]
+        if not group.children:
+            module.children.remove(group)
+
+
+def _set_dependency(element: Element, now: DependencyText) -> None:
+    if _dependency(element) != now:
+        element.pieces = [now.port.strip()]
+        others = {key: value for key, value in element.attributes.items() if key not in _CONDITIONS}
+        given = {name: text for name in _CONDITIONS if (text := getattr(now, name).strip())}
+        element.attributes = {**others, **given}
 
 
 def _set_place(module: Element, x: float, y: float) -> None:

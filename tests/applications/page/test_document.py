@@ -15,6 +15,7 @@ from rtf.applications.page.document import (
     MODULE_TEXTS,
     ChangedError,
     ConnectionText,
+    DependencyText,
     Document,
     ModuleText,
     edited,
@@ -118,6 +119,29 @@ def test_modules_and_connections_are_removed(file: Path):
     assert b"${voice}" not in data
 
 
+def test_dependencies_are_written_where_they_belong(file: Path):
+    """Conditions become attributes, and what is the same keeps what the page does not know."""
+    file.write_text(LAB.replace('<port timeout="20"', '<!-- slow --><port colour="red" timeout="20"'))
+    document, _ = read_document(file)
+    first, second = document.modules
+    assert first.dependencies == (DependencyText("/lab/voice", "20"),)
+    new = DependencyText("/server", "", "[get] state", "<ready>")
+    changed = msgspec.structs.replace(first, dependencies=(new, DependencyText("/lab/voice", "5")))
+    added = msgspec.structs.replace(second, dependencies=(DependencyText("${voice}"),))
+    save(file, Document(document.revision, (changed, added), document.connections))
+    text = file.read_text()
+    assert '<port request="[get] state" reply="&lt;ready&gt;">/server</port>' in text
+    assert '<port colour="red" timeout="5">/lab/voice</port>' in text
+    assert "<!-- slow -->" in text
+    assert "<dependencies>\n            <port>${voice}</port>\n        </dependencies>" in text
+    again, _ = read_document(file)
+    assert [one.dependencies for one in again.modules] == [changed.dependencies, added.dependencies]
+    without = [msgspec.structs.replace(one, dependencies=()) for one in again.modules]
+    save(file, Document(again.revision, tuple(without), again.connections))
+    assert file.read_text().count("<port") == 1  # that of the arbitrator
+    assert file.read_text().count("<dependencies>") == 1  # with the comment
+
+
 def test_a_file_that_others_changed_is_not_overwritten(file: Path):
     """The error says what to do, and the file stays."""
     document, _ = read_document(file)
@@ -167,9 +191,11 @@ def test_an_id_of_the_wrong_kind_is_refused(file: Path):
 
 TEXTS = st.text(string.ascii_letters + string.digits + "/<>&\"'$ {}é\N{HEBREW LETTER ALEF}", max_size=12).map(str.strip)
 PORTS = TEXTS.map(lambda text: f"/{text}")
+DEPENDENCIES = st.builds(DependencyText, PORTS, TEXTS, TEXTS, TEXTS)
 MODULES = st.builds(
     ModuleText,
     st.just(""),
+    dependencies=st.lists(DEPENDENCIES, max_size=3).map(tuple),
     **dict.fromkeys(MODULE_TEXTS, TEXTS),
     x=st.integers(-9999, 9999).map(float),
     y=st.integers(-9999, 9999).map(float),
