@@ -12,7 +12,7 @@ import numpy as np
 from rtf.robot.errors import RefusedError
 from rtf.robot.model.description import fix_root, load_description, read_joints, repair, unusable_meshes, urdf_joints
 from rtf.robot.model.engine import mujoco
-from rtf.robot.model.reader import SHARE
+from rtf.robot.model.reader import SHARE, STRIBECK
 from rtf.simulator.position_gains import BANDWIDTH
 
 if TYPE_CHECKING:
@@ -40,8 +40,8 @@ _BEARING = 2.2
 _DRY, _VISCOUS = 0.02, 0.05
 #: The position loop overcomes a dry friction with this error (rad), and a viscous one of this share of its damping.
 _SLACK, _SHARE = 0.008, 0.1
-#: Friction of a description that is this many times as great is that of another simulator; so is dry friction beyond
-#: this share of the torque: real drives have up to a tenth, with harmonic gears and cables.
+#: Friction of a description that is this many times as great is that of another simulator; so is dry friction that is
+#: at rest beyond this share of the torque: real drives have up to a tenth, with harmonic gears and cables.
 _LOST, _MOST_DRY = 5.0, 0.1
 #: Limits of a joint without any (deg, m), and the speed up to which a robot on a bench is moved (deg/s, m/s).
 _TURN, _SLIDE, _FAST, _FAST_SLIDE = 180.0, 0.1, 180.0, 0.25
@@ -163,7 +163,10 @@ def _general_assumptions(description: Path, mimics: Sequence[str]) -> list[str]:
             f"armature: {_ROTOR:g} of the greatest inertia of the links that a joint moves, at least what the greatest "
             f"torque brings to the greatest speed in {1000 * _TIME_CONSTANT:g} ms"
         ),
-        f"friction: {_DRY:.0%} of the greatest torque dry, {_VISCOUS:.0%} of it viscous at the greatest speed, or less",
+        (
+            f"friction: {_DRY:.0%} of the greatest torque dry, {_VISCOUS:.0%} of it viscous at the greatest speed, or "
+            f"less; at rest {STRIBECK:.0%} more"
+        ),
         "no outlines: the links do not collide; no sensors, no torque control, no joints that move together",
     ]
     if mimics:
@@ -236,7 +239,10 @@ def _friction(
     most_dry, most_viscous = _SLACK * radian * inertia * swing**2, 2 * _SHARE * inertia * swing
     dry = min(_DRY * torque, most_dry)
     viscous = min(_VISCOUS * torque / speed, most_viscous)
-    if joint.friction > min(_LOST * most_dry, _MOST_DRY * torque) or joint.damping > _LOST * most_viscous:
+    if (
+        joint.friction > min(_LOST * most_dry, _MOST_DRY * torque / (1 + STRIBECK))
+        or joint.damping > _LOST * most_viscous
+    ):
         assumed.append(
             f"{joint.name}: too much friction in the description for its drive ({joint.friction:g} dry, "
             f"{joint.damping:g} viscous); {dry:.2g} and {viscous:.2g}"

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.skipif(not find_spec("mujoco"), reason="needs pip insta
 
 DESCRIPTION = """<mujoco><worldbody>
 <body name="arm" pos="0 0 1">
-  <joint name="lift" axis="0 1 0" range="-90 90" actuatorfrcrange="-12 12" frictionloss="5"/>
+  <joint name="lift" axis="0 1 0" range="-90 90" actuatorfrcrange="-12 12" frictionloss="2.5"/>
   <geom type="sphere" pos="0.5 0 0" size="0.02" mass="2"/>
   <body name="tip" pos="0.5 0 0">
     <joint name="finger" axis="0 0 1" range="0 60" actuatorfrcrange="-15 15"/>
@@ -55,7 +55,7 @@ def test_a_rotor_goes_with_its_links_and_its_motor(drafted):
 
 
 def test_friction_that_no_drive_has_is_replaced(drafted):
-    """More than a tenth of its torque: here 5 of 29.6 Nm."""
+    """At rest more than a tenth of its torque: here 1.3 times 2.5 of 29.6 Nm."""
     joints, assumed = drafted
     assert joints["lift"]["friction"] == pytest.approx(0.02 * joints["lift"]["max_torque"], rel=0.01)
     assert [line for line in assumed if "too much friction" in line and line.startswith("lift: ")]
