@@ -148,6 +148,23 @@ _APP = (
     Command("list", "[FOLDER ...]", "those in files and folders", "rtf.cli.app:list_applications"),
     Command("page", "FILE ...", "run, watch and build them in a browser", "rtf.cli.app_page:page"),
 )
+
+
+def _can(name: str, usage: str, summary: str, home: str) -> Command:
+    return Command(name, usage, summary, f"rtf.cli.can.{home}", on_network=True)
+
+
+_CAN = (
+    _can("scan", "", "the boards that answer: addresses, types, firmware", "boards:scan"),
+    _can("monitor", "", "the messages on a bus, by name, with rates", "watching:monitor"),
+    _can("load", "", "the load of a bus, by identifier", "watching:load"),
+    _can("log", "FILE", "record a bus", "files:log"),
+    _can("replay", "FILE", "send what was recorded", "files:replay"),
+    _can("get", "BOARD NAME", "ask a board for a parameter", "boards:get"),
+    _can("set", "BOARD NAME ...", "set a parameter of a board", "boards:set_parameter"),
+    _can("dbc", "[FILE]", "a DBC file of the messages, for other tools", "files:dbc"),
+    _can("messages", "", "all messages, in Markdown", "files:messages"),
+)
 #: Runs suites; with --server or --on programs on other machines, as YARP's command of this name does.
 _RUN = "rtf.cli.run_node:run"
 RTF = Command(
@@ -177,6 +194,7 @@ RTF = Command(
             commands=_SIMULATOR,
             group="robot",
         ),
+        Command("can", "COMMAND", "CAN buses: scan, monitor, log, get, set …", commands=_CAN, group="robot"),
         Command(
             "can-boards",
             "",

@@ -151,7 +151,7 @@ def top(words: Sequence[str]) -> ExitCode:
         if once:
             show(*next(looks))
         else:
-            _show_live(looks)
+            show_live(looks)
     return ExitCode.PASSED
 
 
@@ -185,7 +185,8 @@ def _looks(network: Network, prefix: str, interval: float, taps: Sequence[Tap]) 
         yield [*tables, _taps(taps)] if taps else tables
 
 
-def _show_live(looks: Iterator[list[Table]]) -> None:
+def show_live(looks: Iterator[list[Table]]) -> None:
+    """Show tables again and again on the whole terminal, until there are no more."""
     from rich.console import Group
     from rich.live import Live
 

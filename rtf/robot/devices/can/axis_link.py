@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     #: A command, or a setting that can be read back, with its values.
     Sent = tuple[Message | Setting, tuple[int, ...]]
 
-#: Seconds in which a board takes a mode.
-MODE_PATIENCE = 0.1
+#: Seconds in which the status says that a board has taken a mode: it does within 0.1 s; the rest is for a busy host.
+MODE_PATIENCE = 0.5
 NEVER = float("-inf")
 
 

@@ -13,6 +13,7 @@ from rtf.robot.devices.can.bus import CanBus
 from rtf.robot.devices.can.codec import decode, dialect_of
 from rtf.robot.devices.can.codes import BoardMode, BoardType
 from rtf.robot.devices.can.messages import HOST, Dialect, Message, Setting
+from rtf.robot.devices.can.sensor_messages import DISCOVER
 
 if TYPE_CHECKING:
     from rtf.robot.devices.can.bus_settings import BusSettings
@@ -40,7 +41,7 @@ class ScriptedBoard:
         self.commands: list[tuple[str, int, tuple[float | bytes, ...]]] = []
         self.words: tuple[float | bytes, ...] = ()
         self.bus = CanBus(settings)
-        self.bus.subscribe(self._take, [address, 0x10F])
+        self.bus.subscribe(self._take, [address, 0x10F, 0x70F])
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._broadcast, daemon=True)
         self._thread.start()
@@ -94,7 +95,9 @@ class ScriptedBoard:
     def _obey(self, got: Decoded) -> None:
         message, axis, values = got.message, got.axis, got.values
         question = motor.CONTROL_MODE if self.dialect is Dialect.JOINT else motor.FOC_CONTROL_MODE
-        if message == motor.VERSION.get:
+        if message == DISCOVER.get:
+            self.send(DISCOVER.value, self.kind, 1, 2, 3)
+        elif message == motor.VERSION.get:
             self.send(motor.VERSION.value, self.kind, 1, 2, 3, 1, 6, self.acknowledged)
         elif message == question.get:
             self.send(question.value, self.mode[axis], axis=axis)

@@ -1,0 +1,1 @@
+"""The commands ``rtf can``: look at CAN buses, record and replay them, and read and set parameters of boards."""
