@@ -75,6 +75,7 @@ def simulator(words: Sequence[str]) -> int:
             parts=options.parts,
             seed=options.seed,
             unit=options.unit,
+            can=options.can,
             lockstep=options.lockstep,
             factor=options.realtime_factor,
             cameras=options.cameras,
@@ -112,6 +113,7 @@ def _parser() -> Parser:
     parser.add_argument(
         "--unit", metavar="N", type=count, default=0, help="the robot of the population (default: 0, the nominal one)"
     )
+    parser.add_argument("--can", action="store_true", help="with emulated boards on CAN buses, and drivers of these")
     pace = parser.add_mutually_exclusive_group()
     pace.add_argument("--lockstep", action="store_true", help="time passes only while all who take part wait for it")
     pace.add_argument(

@@ -56,6 +56,7 @@ class Settings:
     clock: str = CLOCK
     dialect: Dialect | None = None
     nameserver: bool = False
+    can: bool = False  # whether its boards are on CAN buses
     allow: tuple[str, ...] = ()  # who may command; everyone
     allow_admin: tuple[str, ...] = ()  # who may change connections; everyone
     ready_file: Path | None = None
@@ -214,6 +215,7 @@ def _simulated(model: RobotModel, name: str, settings: Settings, network: Networ
         camera_rate=settings.camera_rate or CAMERA_RATE,
         options=Options(collision=settings.collision, cameras=cameras, unit=settings.unit),
         clock=settings.clock,
+        can=settings.can,
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, Self
 
+from rtf.clock import use as use_clock
 from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot.sensors.analog import AnalogServer
 from rtf.robot.sensors.analog_sensors import AnalogSensorsServer
@@ -12,19 +13,22 @@ from rtf.robot.sensors.battery import BatteryServer
 from rtf.robot.sensors.inertial import InertialServer
 from rtf.simulator.angle_sensors import SimulatedAngles
 from rtf.simulator.battery import BATTERY_PERIOD, SimulatedBattery
+from rtf.simulator.firmware.boards_on_buses import Firmware
 from rtf.simulator.kinematic_part import KinematicPart
 from rtf.simulator.part import SimulatedPart
 from rtf.simulator.plant import Options, build
 from rtf.simulator.simulated_outlets import SimulatedOutlets
 from rtf.simulator.simulated_sensors import SimulatedForceTorque, SimulatedForceTorques, SimulatedImu
 from rtf.simulator.simulation import Simulation
-from rtf.simulator.simulation_clock import CLOCK, serve_time
+from rtf.simulator.simulation_clock import CLOCK, SimulationClock, serve_time
 from rtf.simulator.skin import SKIN_PERIOD, SimulatedSkin
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from rtf.middleware.ports.network import Network
+    from rtf.robot.devices.control_board import ControlBoard
+    from rtf.robot.devices.remapper import ControlBoardRemapper
     from rtf.robot.model import RobotModel
     from rtf.robot.publishing import Publisher
     from rtf.simulator.depth_cameras import SimulatedDepthCamera
@@ -53,7 +57,9 @@ class SimulatedRobot:
     ============================== ================================================================================
 
     ``serve`` False: without the ports of parts and sensors, which others serve; only the clock is served. ``model``
-    says which parts and sensors there are, and the names of their ports. ``lockstep``: time passes only while
+    says which parts and sensors there are, and the names of their ports. ``can``: its boards are emulated ones on CAN
+    buses of this process, and the parts that are served have drivers on these; the clock is that of the process then.
+    ``lockstep``: time passes only while
     all participants wait for it; otherwise by itself, ``factor`` times as fast as the machine's clock (None: as fast as
     possible). The ``dialect`` of the network selects the protocol. The rates (Hz) are those of the parts' states and of
     the pictures.
@@ -75,6 +81,7 @@ class SimulatedRobot:
         options: Options | None = None,
         clock: str = CLOCK,
         serve: bool = True,
+        can: bool = False,
     ) -> None:
         self.model = model
         self.name = (name or model.simulated_name).strip("/")
@@ -85,7 +92,12 @@ class SimulatedRobot:
             build(model, options or Options(cameras=cameras)), seed=seed, factor=None if lockstep else factor
         )
         self.outlets = SimulatedOutlets(self.simulation, lockstep=lockstep)
-        self.parts = {part: self._board(part) for part in parts or model.served}
+        served = parts or model.served
+        own = [part for part in served if part in model.parts]
+        self.firmware = Firmware(self.simulation, own) if can else None
+        self.parts: dict[str, ControlBoard | KinematicPart | ControlBoardRemapper] = {
+            part: self._board(part) for part in served
+        }
         plant = self.simulation.plant
         self.force_torques = {
             sensor.settings.port: SimulatedForceTorque(sensor, self.simulation) for sensor in plant.ft_sensors
@@ -104,6 +116,8 @@ class SimulatedRobot:
         self.cameras: dict[str, SimulatedCamera] = {}
         self.depth_cameras: dict[str, SimulatedDepthCamera] = {}
         with ExitStack() as opened:
+            if self.firmware is not None:
+                self._open_buses(opened, self.firmware, clock)
             self._open(opened, cameras=cameras, clock=clock)
             self._opened = opened.pop_all()
 
@@ -133,9 +147,26 @@ class SimulatedRobot:
             self._serve(opened, BatteryServer, self.battery, self.battery.settings.port, BATTERY_PERIOD)
         if cameras:
             self._open_cameras(opened)
+        if self.firmware is None:
+            self._start_time(opened, clock)
+        self.simulation.settle.append(self._settle)
+
+    def _start_time(self, opened: ExitStack, clock: str) -> None:
         self.clock = serve_time(self.simulation, clock, network=self.network, lockstep=self.lockstep)
         opened.callback(self.clock.close)
-        self.simulation.settle.append(self._settle)
+
+    def _open_buses(self, opened: ExitStack, firmware: Firmware, clock: str) -> None:
+        """Start the time, share the buses, and open the drivers of the parts, which find their boards on them."""
+        from rtf.simulator.firmware.can_parts import open_can_parts
+        from rtf.simulator.firmware.simulated_bus import provide_buses
+
+        self._start_time(opened, clock)
+        opened.callback(provide_buses(firmware, self.network.report))
+        if self._serves:
+            time = SimulationClock(self.simulation, self.clock, self.outlets, lockstep=self.lockstep)
+            opened.enter_context(use_clock(time))
+            boards = [part for part in self.parts if part in self.model.parts]
+            self.parts |= open_can_parts(firmware, boards, self.network, opened)
 
     def _serve(self, opened: ExitStack, server: Callable[..., Any], device: object, name: str, period: float) -> None:
         if not self._serves:

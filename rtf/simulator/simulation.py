@@ -9,6 +9,7 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
+import threading
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -64,6 +65,7 @@ class Simulation:
         self._queue: list[tuple[int, int, Callable[[], None], bool]] = []
         self._order = itertools.count()
         self._publishers: dict[float, tuple[Publisher, ...]] = {}  # by their periods
+        self._thread = 0  # that of ``advance``, while it computes
         self._halfway = False  # the physics are between the halves of a step, and unchanged since
         self._paced: tuple[float, float, float] | None = None  # a moment of the machine's clock, the time at it, factor
 
@@ -71,6 +73,11 @@ class Simulation:
     def now(self) -> float:
         """Seconds since the beginning."""
         return self.boards.now
+
+    @property
+    def is_computing_here(self) -> bool:
+        """Whether this thread computes: what it calls, such as an event, must not wait for the time to pass."""
+        return self._thread == threading.get_ident()
 
     def noise(self, count: int) -> FloatArray:
         """Return ``count`` standard normal random numbers, as a view that must not be changed.
@@ -132,6 +139,7 @@ class Simulation:
         end = math.ceil(round(until / TIMESTEP, 6))
         self.lock.acquire()
         self._halfway = False
+        self._thread = threading.get_ident()
         try:
             while self.boards.tick < end:
                 self._happen()
@@ -143,6 +151,7 @@ class Simulation:
             self._happen()
             self.refresh()
         finally:
+            self._thread = 0
             self.lock.release()
         for settle in self.settle:
             settle()

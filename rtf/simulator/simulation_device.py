@@ -65,6 +65,7 @@ class SimulationDevice(Device):
                     options=Options(collision=settings.collision, cameras=settings.cameras, unit=settings.unit),
                     clock=settings.clock,
                     serve=False,
+                    can=settings.can,
                 )
                 opened.callback(robot.close)
                 service = SimulatorService(robot, network=self.network, end=_refuse_to_end)

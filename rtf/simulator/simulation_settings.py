@@ -35,6 +35,7 @@ class SimulationSettings:
     ``unit``      the robot of the population (0, the nominal one)
     ``collision`` capsules, hulls or none (capsules)
     ``cameras``   whether its cameras render (no)
+    ``can``       whether its boards are on CAN buses, with the interface ``simulated`` (no)
     ============= =====================================================================================
     """
 
@@ -47,6 +48,7 @@ class SimulationSettings:
     unit: int
     collision: Collision
     cameras: bool
+    can: bool
 
     @classmethod
     def read(cls, configuration: Property) -> Self:
@@ -65,6 +67,7 @@ class SimulationSettings:
             unit=_number(configuration, "unit"),
             collision=_collision(configuration),
             cameras=flag(configuration, "cameras"),
+            can=flag(configuration, "can"),
         )
 
     @property

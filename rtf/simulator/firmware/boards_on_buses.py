@@ -26,17 +26,17 @@ class Firmware:
     """The boards of some parts of a simulated robot, which run in its steps from the construction on.
 
     ``wires`` has the buses by name: those of a part are PART0, PART1 … Each has up to four boards of two axes, with
-    addresses from 1 on. An electronics of more axes answers as several boards. Raises SimulatorError for a part that
-    the robot does not have.
+    addresses from 1 on. An electronics of more axes answers as several boards. Without ``parts`` there are those of all
+    parts. Raises SimulatorError for a part that the robot does not have.
     """
 
-    def __init__(self, simulation: Simulation, parts: Sequence[str] = ()) -> None:
+    def __init__(self, simulation: Simulation, parts: Sequence[str] | None = None) -> None:
         self.simulation = simulation
         self.wires: dict[str, Wire] = {}
         self.boards: list[JointBoard] = []
         self._readings = Readings(simulation.boards)
         robot = simulation.plant.robot
-        for part in parts or robot.parts:
+        for part in robot.parts if parts is None else parts:
             if part not in robot.parts:
                 raise SimulatorError(f"the robot {robot.name} has no part {part}")
             self._populate(robot, part)
@@ -56,6 +56,15 @@ class Firmware:
             kind = BoardType.MC_4DC if electronics == _FOUR else BoardType.BLL
             board = JointBoard(wire, address, self.simulation.boards, axes, self._readings, board_type=kind)
             self.boards.append(board)
+
+    def boards_of(self, part: str) -> list[JointBoard]:
+        """Return the boards of a part, in the order of its axes."""
+        axes = self.simulation.plant.robot.part_slice(part)
+        return [board for board in self.boards if axes.start <= board.axes[0] < axes.stop]
+
+    def wires_of(self, part: str) -> list[str]:
+        """Return the names of the buses of a part."""
+        return [*dict.fromkeys(board.wire.name for board in self.boards_of(part))]
 
     def step(self, now: float) -> None:
         """Run all boards, then all buses, for a millisecond."""

@@ -14,7 +14,8 @@ from rtf.robot.devices.can.codec import decode
 from rtf.robot.devices.can.codes import BoardType
 from rtf.robot.errors import MessageError
 from rtf.simulator.firmware.joint_messages import HANDLERS
-from rtf.simulator.firmware.joint_state import JointBoardState
+from rtf.simulator.firmware.joint_state import AXES, JointBoardState
+from rtf.simulator.firmware.readings import short
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -109,11 +110,18 @@ class JointBoard(JointBoardState):
         if mask & _VELOCITY:
             self._pair(m.BROADCAST_VELOCITY, readings.speeds(shifts[0]), readings.accelerations(shifts[0] + shifts[1]))
         if mask & _ERROR:
-            self._pair(m.BROADCAST_ERROR, readings.errors(), readings.zeros)
+            self._send_errors()
         if mask & _MOTOR_POSITION:
             self._pair(m.MOTOR_POSITION, readings.motor_positions())
         if mask & _MOTOR_SPEED:
             self._pair(m.MOTOR_SPEED, readings.motor_speeds(shifts[2]), readings.zeros)
+
+    def _send_errors(self) -> None:
+        """Send the errors of positions, and desired minus measured torques."""
+        measured, positions = self.readings.torques(), self.readings.errors()
+        wanted = [own.number(m.DESIRED_TORQUE) for own in self.parameters]
+        torques = [short(one - measured[axis]) for one, axis in zip(wanted, self.axes, strict=True)]
+        self.send(m.BROADCAST_ERROR, *(positions[axis] for axis in self.columns), *[*torques, 0][:AXES])
 
     def _pair(self, message: Message, first: Sequence[int], second: Sequence[int] | None = None) -> None:
         """Send the values of both axes of one quantity, or of two."""

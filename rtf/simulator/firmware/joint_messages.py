@@ -11,7 +11,7 @@ from rtf.robot.devices.can import motor_messages as m
 from rtf.robot.devices.can import sensor_messages as s
 from rtf.robot.devices.can.codes import BoardInteraction, BoardMode
 from rtf.robot.errors import RefusedError
-from rtf.simulator.firmware.parameters import FULL_OUTPUT, PARTS_OF_PID, SETTINGS, TORQUE_COUNTS
+from rtf.simulator.firmware.parameters import FULL_OUTPUT, IMPEDANCE_COUNTS, PARTS_OF_PID, SETTINGS, TORQUE_COUNTS
 from rtf.simulator.firmware.readings import MODES, short
 
 if TYPE_CHECKING:
@@ -190,7 +190,7 @@ def _apply_impedance(board: JointBoardState, axis: int) -> None:
 
 def _apply_impedance_offset(board: JointBoardState, axis: int) -> None:
     column = board.axes[axis]
-    board.boards.impedance_offset[column] = board.parameters[axis].number(m.IMPEDANCE_OFFSET) / TORQUE_COUNTS
+    board.boards.impedance_offset[column] = board.parameters[axis].number(m.IMPEDANCE_OFFSET) / IMPEDANCE_COUNTS
     board.boards.configure(column)
 
 

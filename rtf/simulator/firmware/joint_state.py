@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rtf.robot.control_modes import ControlMode
+from rtf.robot.devices.can import motor_messages as m
 from rtf.robot.devices.can.codes import BoardMode, BoardState, BoardType, CanState, JointFault
 from rtf.robot.devices.motor_board import ERROR_LIMIT, OVERCURRENT, OVERHEATED
-from rtf.simulator.firmware.parameters import AxisParameters
+from rtf.simulator.firmware.parameters import AxisParameters, feedforward_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -49,7 +50,10 @@ class JointBoardState:
         self.board_type = board_type
         self.firmware, self.protocol = (3, 5, 0), (1, 6)
         self.rejected = 0
-        self.flash: tuple[dict[str, tuple[float | bytes, ...]], ...] = tuple({} for _ in axes)
+        self.flash: tuple[dict[str, tuple[float | bytes, ...]], ...] = tuple(
+            {m.MODEL_PARAMETERS.set.name: feedforward_of(boards.pids[axis], float(boards.resolution[axis]))}
+            for axis in axes
+        )
         self.reset()
 
     def reset(self) -> None:

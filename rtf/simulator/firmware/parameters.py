@@ -6,6 +6,7 @@ is computed every millisecond: counts of output a tick, a tick/ms, and a tick an
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from rtf.robot.devices.can import motor_messages as m
@@ -17,8 +18,9 @@ if TYPE_CHECKING:
 
 #: The output of a controller, or a duty cycle, of 100 %.
 FULL_OUTPUT = 32000
-#: Counts of a torque a newton metre.
-TORQUE_COUNTS = 1000.0
+#: Counts of a torque a newton metre, and of impedances: a Nm/deg, a Nm s/deg, a Nm.
+TORQUE_COUNTS, IMPEDANCE_COUNTS = 256.0, 1000.0
+_MOST, _MOST_SHIFT = (1 << 15) - 1, 15
 #: The shift of velocities and accelerations until the host sets another one, and those of the estimators.
 VELOCITY_SHIFT = 4
 ESTIMATOR_SHIFT = 5
@@ -112,8 +114,15 @@ class AxisParameters:
 
     def impedance(self) -> tuple[float, float, float]:
         """Return stiffness (Nm/deg), damping (Nm s/deg) and offset (Nm)."""
-        stiffness, damping, offset = (self.number(m.IMPEDANCE, place) / TORQUE_COUNTS for place in range(3))
+        stiffness, damping, offset = (self.number(m.IMPEDANCE, place) / IMPEDANCE_COUNTS for place in range(3))
         return stiffness, damping, offset
+
+
+def feedforward_of(pid: Pid, ticks: float) -> tuple[int, int]:
+    """Return the feedforward of a controller as a number and a shift."""
+    counts = pid.feedforward / ticks / 100.0 * FULL_OUTPUT * 1e3
+    shift = min(max(math.floor(math.log2(_MOST / abs(counts))), 0), _MOST_SHIFT) if counts else 0
+    return round(counts * 2**shift), shift
 
 
 def _zeros(message: Message) -> tuple[float | bytes, ...]:

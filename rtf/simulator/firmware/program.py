@@ -65,7 +65,7 @@ def run_boards(program: BoardsProgram) -> int:
     with signal_listener(on_signal), ExitStack() as opened:
         try:
             simulation = Simulation(build(program.model, Options(unit=program.unit)), seed=program.seed, factor=1.0)
-            firmware = Firmware(simulation, program.parts)
+            firmware = Firmware(simulation, program.parts or None)
             for name, settings in program.buses(list(firmware.wires)):
                 bridge = Bridge(firmware.wires[name], settings, simulation, _warn)
                 opened.callback(bridge.close)

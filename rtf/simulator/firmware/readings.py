@@ -9,7 +9,7 @@ import numpy as np
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.devices.can.codes import BoardMode
 from rtf.robot.extended_state import Field
-from rtf.simulator.firmware.parameters import FULL_OUTPUT
+from rtf.simulator.firmware.parameters import FULL_OUTPUT, TORQUE_COUNTS
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
@@ -118,6 +118,10 @@ class Readings:
     def errors(self) -> list[int]:
         """Return the errors of the positions."""
         return self._known("errors") or self._keep("errors", self._boards.controller_errors() * self._ticks)
+
+    def torques(self) -> list[int]:
+        """Return the torques of the joints by their sensors."""
+        return self._known("torques") or self._keep("torques", self._boards.measured_torques() * TORQUE_COUNTS, _I32)
 
     def modes(self) -> list[int]:
         """Return the control modes that the boards show."""

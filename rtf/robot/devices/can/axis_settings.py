@@ -3,7 +3,7 @@
 ============== =================================================================================================
 ``GENERAL``    ``Joints``, ``AxisName``, ``AxisType``, ``Encoder`` (ticks/deg), ``Zeros`` (deg), ``Period`` (ms),
                ``fullscalePWM`` (counts), ``ampsToSensor`` (counts/A), ``newtonsToSensor`` (counts/Nm),
-               ``Gearbox_M2J``
+               ``Gearbox_M2J``, ``supplyVoltage`` (V, of the motors)
 ``CAN``        the bus, ``CanAddresses``, ``CanTimeout`` (ms), ``CanRetries``
 ``LIMITS``     ``jntPosMin`` and ``jntPosMax``, or ``Min`` and ``Max`` (deg), ``jntVelMax`` (deg/s), ``jntTrqMax``
                (Nm), ``motorNominalCurrents``, ``motorPeakCurrents``, ``motorOverloadCurrents`` (A),
@@ -185,6 +185,7 @@ def _axes(configuration: Property, given: list[BoardAxis], scales: list[AxisScal
     limits, general, stiction = (Rows(configuration, name, joints) for name in ("LIMITS", "GENERAL", "STICTION"))
     impedance = Rows(configuration, "IMPEDANCE", joints).row("stiffnessToSensor", default=0.0)
     gearboxes = general.scale("Gearbox_M2J", default=1.0)
+    supplies = general.positive("supplyVoltage", default=usual.supply_voltage)
     up, down = stiction.row("Up", default=0.0), stiction.row("Down", default=0.0)
     least, most = (
         limits.row("jntPosMin", "Min", default=usual.minimum),
@@ -213,6 +214,7 @@ def _axes(configuration: Property, given: list[BoardAxis], scales: list[AxisScal
                 max_velocity=float(velocities[joint]),
                 max_torque=float(torques[joint]),
                 gearbox=float(gearboxes[joint]),
+                supply_voltage=float(supplies[joint]),
                 nominal_current=float(nominal[joint]),
                 peak_current=float(peak[joint]),
                 max_current=float(overload[joint]),

@@ -356,6 +356,12 @@ def share(settings: BusSettings, report: Callable[[str], None]) -> CanBus:
     return bus
 
 
+def provide(bus: CanBus) -> None:
+    """Share a bus that is open already; ``unshare`` ends that."""
+    with _sharing:
+        _shared[bus.settings.interface, bus.settings.channel] = [bus]
+
+
 def unshare(bus: CanBus) -> None:
     """Give a shared bus back; it is closed with the last of its users."""
     with _sharing:
