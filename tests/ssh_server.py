@@ -52,6 +52,11 @@ class SshServer:
         public = (key or self._host_key).export_public_key().decode()
         (self.files / "known_hosts").write_text(f"[127.0.0.1]:{self.port} {public}")
 
+    @property
+    def connections(self) -> int:
+        """The number of connections that have had a session since the last cut."""
+        return len(self._connections)
+
     def open(self) -> None:
         """Listen, at the same port if it was open before."""
         self._acceptor = self._wait(self._listen())
@@ -94,7 +99,6 @@ class SshServer:
         connection = process.channel.get_connection()
         if connection not in self._connections:
             self._connections.append(connection)
-        script = await process.stdin.read()
         child = subprocess.Popen(  # noqa: ASYNC220 - takes no time
             ["sh", "-c", process.command],
             stdin=subprocess.PIPE,
@@ -102,12 +106,20 @@ class SshServer:
             stderr=subprocess.PIPE,
             start_new_session=True,
         )
-        child.stdin.write(script)
-        child.stdin.close()
+        feeding = asyncio.get_running_loop().create_task(_feed(process.stdin, child.stdin))
         with contextlib.suppress(asyncssh.Error, OSError):
             await asyncio.gather(_pump(child.stdout, process.stdout), _pump(child.stderr, process.stderr))
             process.exit(child.wait())
+        feeding.cancel()
         threading.Thread(target=child.wait, daemon=True).start()  # reaps it when the connection is gone
+
+
+async def _feed(reader: asyncssh.SSHReader, pipe: IO[bytes]) -> None:
+    """Give a program what comes for it, until its end."""
+    with contextlib.suppress(asyncssh.Error, OSError), pipe:
+        while data := await reader.read(1 << 16):
+            pipe.write(data)
+            pipe.flush()
 
 
 async def _pump(pipe: IO[bytes], writer: asyncssh.SSHWriter) -> None:

@@ -248,7 +248,7 @@ class TestSshDeployer(FoundAgainContract):
 
 def test_connection_that_is_lost(server: SshServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """The state of its modules is unknown until it is there again; they run on, though nobody reads their output."""
-    monkeypatch.setattr("rtf.applications.ssh.connection._AGAIN", 0.1)
+    monkeypatch.setattr("rtf.applications.ssh.lines._AGAIN", 0.1)
     content = shell(tmp_path, "talk", "while echo x; do sleep 0.05; done; touch heard", SSH, node="pc104")
     with lab(application(tmp_path, content)) as run:
         assert run.manager.start()
@@ -267,6 +267,16 @@ def test_connection_that_is_lost(server: SshServer, tmp_path: Path, monkeypatch:
         assert run.manager.stop()
         assert run.texts(Kind.STOPPED) == ["sh talk.sh on pc104 is stopped"]
     assert not (tmp_path / "heard").exists()
+
+
+def test_many_programs_need_several_connections(server: SshServer, ssh: SshDeployer, monkeypatch: pytest.MonkeyPatch):
+    """A server allows a number of sessions for each, and what asks has one of its own."""
+    monkeypatch.setattr("rtf.applications.ssh.lines.SESSIONS", 2)
+    before = server.connections
+    for number in range(5):
+        ssh.start(Start(f"t{number}", "sleep 60"))
+    assert len(ssh.running()) == 5
+    assert server.connections == before + 4
 
 
 def refusal() -> str:
@@ -316,7 +326,7 @@ WORD = st.text(st.characters(codec="utf-8", exclude_characters='\0"\n'), min_siz
 
 
 @given(words=st.lists(WORD | st.sampled_from(HOSTILE), min_size=1, max_size=6), value=WORD)
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_words_survive_the_shell(words: list[str], value: str):
     """Whatever a word has in it comes to the program as it is, through a real shell."""
     shown = 'printf "%s\\0" "$A" "$@"'
@@ -359,6 +369,7 @@ def test_missing_package_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     """The error has the line that installs it."""
     monkeypatch.delitem(sys.modules, "rtf.applications.ssh.deployer")
     monkeypatch.delitem(sys.modules, "rtf.applications.ssh.connection")
+    monkeypatch.delitem(sys.modules, "rtf.applications.ssh.lines")
     monkeypatch.setitem(sys.modules, "asyncssh", None)
     with pytest.raises(DeployerError, match=r"the deployer ssh needs asyncssh: pip install 'rtf\[ssh\]'"):
         find_deployer(Module(Text("sleep"), deployer=Text("ssh")), tmp_path)

@@ -1,40 +1,31 @@
-"""A connection to a machine by ssh: made when it is needed, and made again when it was lost.
-
-Which user, address, keys and known hosts belong to the machine is read from ``~/.ssh/config``, as ssh does; keys of the
-agent are used, too. A machine whose key is not among the known hosts is refused.
-"""
+"""A machine that is reached by ssh: scripts that it answers, and programs that run there."""
 
 from __future__ import annotations
 
 import asyncio
-import re
 import secrets
 import threading
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import asyncssh
 
-from rtf import clock
 from rtf.applications.errors import DeployerError
+from rtf.applications.ssh.lines import SESSIONS, Lines, reason_of
 from rtf.applications.ssh.scripts import COMMAND
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine
 
-#: Seconds for a connection, and for an answer of the other end.
-_CONNECTING, _ANSWER = 10.0, 5.0
-#: Seconds between two signs of life, and how many may be missing until the connection counts as lost.
-_ALIVE, _MISSED = 2.0, 3
-#: Seconds after a failure in which it is not tried again, as all who ask would try it.
-_AGAIN = 2.0
+    from rtf.applications.ssh.lines import Line, Process
+
+#: Seconds for an answer of the other end, and for the start of a program.
+_ANSWER, _STARTING = 5.0, 10.0
 #: The longest answer to a script, bytes: a process with a tag has some hundred.
 _MOST = 1 << 22
 _CHUNK = 1 << 16
-_HOST = re.compile(r"[0-9A-Za-z_.:@%][0-9A-Za-z_.:@%-]*")
 
 T = TypeVar("T")
-Process: TypeAlias = "asyncssh.SSHClientProcess[bytes]"
 
 
 class RemoteProgram(ABC):
@@ -68,7 +59,8 @@ class RemoteProgram(ABC):
         if word == "pid" and rest.isdigit():
             self.pid = int(rest)
             self.note_start()
-        begun.set_result(first)
+        if not begun.done():  # nobody waits for it any more
+            begun.set_result(first)
         await asyncio.gather(self._take_output(process, token), self._take_status(process, token))
 
     async def _read_note(self, process: Process, token: str) -> str:
@@ -91,17 +83,71 @@ class RemoteProgram(ABC):
             self.note_end()
 
 
+class _Shell:
+    """A shell at the other end that answers one script after the other.
+
+    It has a connection of its own, as answers would wait behind the output of programs. It is kept, as to begin one may
+    take long: the server has the user's own shell begin it, which reads its files first.
+    """
+
+    def __init__(self, host: str) -> None:
+        self._host = host
+        self._lines = Lines(host)
+        self._asking = asyncio.Lock()
+        self._process: Process | None = None
+
+    async def run(self, script: Callable[[str], str]) -> bytes:
+        """Return what a script says, which is made for a token. Raises DeployerError, asyncssh.Error and others."""
+        async with self._asking:
+            token, done = secrets.token_hex(8), False
+            try:
+                process = await self._opened()
+                process.stdin.write(
+                    f"({script(token)}) </dev/null\necho {token} end\n".encode("utf-8", "surrogateescape")
+                )
+                async with asyncio.timeout(_ANSWER):
+                    await _skip_to(process, token)
+                    answer = await self._read(process, f"{token} end\n".encode())
+                done = True
+                return answer
+            finally:
+                if not done:  # what is still to come is no answer to the next script
+                    self._end()
+
+    async def _opened(self) -> Process:
+        if self._process is None or self._process.is_closing():
+            self._end()
+            line = await self._lines.reserve()
+            async with line, asyncio.timeout(_STARTING):
+                self._process = await line.execute()
+        return self._process
+
+    async def _read(self, process: Process, end: bytes) -> bytes:
+        answer = bytearray()
+        while not answer.endswith(end):
+            data = await process.stdout.read(_CHUNK)
+            answer += data
+            if not data or len(answer) > _MOST:
+                raise DeployerError(f"{self._host} gives no answer, or one of more than {_MOST} bytes")
+        return bytes(answer[: -len(end)])
+
+    def _end(self) -> None:
+        if self._process is not None:
+            self._process.close()
+            self._process = None
+
+    async def close(self) -> None:
+        """Close the connection."""
+        self._end()
+        await self._lines.close()
+
+
 class SshConnection:
     """The connection to a host. Methods are called from any thread, and raise DeployerError."""
 
     def __init__(self, host: str) -> None:
-        if not _HOST.fullmatch(host):
-            raise DeployerError(f"{host!r} is not the name of a machine")
         self.host = host
-        self._connection: asyncssh.SSHClientConnection | None = None
-        self._connecting = asyncio.Lock()
-        self._failure = ""
-        self._failed = 0.0
+        self._shell, self._running = _Shell(host), Lines(host)
         self._tasks: set[asyncio.Task[None]] = set()
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name=f"rtf-ssh {host}", daemon=True)
@@ -116,16 +162,15 @@ class SshConnection:
             self._loop.close()
 
     async def _close(self) -> None:
-        if self._connection is not None:
-            self._connection.abort()
-            await self._connection.wait_closed()
+        await self._shell.close()
+        await self._running.close()
         for task in [*self._tasks]:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
     def run(self, script: Callable[[str], str]) -> bytes:
         """Run a script, which is made for a token, and return what it says."""
-        return self._wait(self._run(script))
+        return self._wait(self._shell.run(script))
 
     def start(self, script: Callable[[str], str], program: RemoteProgram) -> str:
         """Run a script that starts a program. Return what it says first, empty if it ends without a word."""
@@ -141,108 +186,45 @@ class SshConnection:
             raise DeployerError(f"{self.host} did not answer by ssh in time") from None
         except asyncio.IncompleteReadError:
             raise DeployerError(f"{self.host} has no shell for programs: '{COMMAND}' said nothing there") from None
+        except asyncssh.ChannelOpenError as error:
+            few = f"its sshd_config may allow fewer than {SESSIONS} for a connection (MaxSessions)"
+            raise DeployerError(f"{self.host} begins no session ({reason_of(error)}): {few}") from None
         except (asyncssh.Error, OSError) as error:
             if isinstance(error, DeployerError):
                 raise
-            raise DeployerError(f"the connection to {self.host} was lost: {_reason(error)}") from None
+            raise DeployerError(f"the connection to {self.host} was lost: {reason_of(error)}") from None
 
     # In the thread of the loop -----------------------------------------------------------------------------------
 
-    async def _connected(self) -> asyncssh.SSHClientConnection:
-        async with self._connecting:
-            if self._connection is not None and not self._connection.is_closed():
-                return self._connection
-            if self._failure and clock.monotonic() - self._failed < _AGAIN:
-                raise DeployerError(self._failure)
-            try:
-                self._connection = await self._connect()
-            except DeployerError as error:
-                self._failure, self._failed = str(error), clock.monotonic()
-                raise
-            return self._connection
-
-    async def _connect(self) -> asyncssh.SSHClientConnection:
-        try:
-            options = asyncssh.SSHClientConnectionOptions(
-                host=self.host,
-                config=(),
-                connect_timeout=_CONNECTING,
-                login_timeout=_CONNECTING,
-                keepalive_interval=_ALIVE,
-                keepalive_count_max=_MISSED,
-            )
-            if options.known_hosts is None:
-                raise DeployerError(
-                    f"{self.host} is not connected, as its key would not be checked: name a file with known hosts in"
-                    " place of 'UserKnownHostsFile none' in ~/.ssh/config"
-                )
-            return await asyncssh.connect(self.host, options=options)
-        except asyncssh.HostKeyNotVerifiable as error:
-            raise DeployerError(
-                f"the key of {self.host} is not the one in known_hosts, or there is none ({_reason(error)}): compare"
-                f" its fingerprint, and accept it once with 'ssh {self.host}'"
-            ) from None
-        except asyncssh.PermissionDenied as error:
-            raise DeployerError(
-                f"{self.host} does not let {options.username} in ({_reason(error)}): add a key to the agent with"
-                " 'ssh-add', or name its IdentityFile in ~/.ssh/config"
-            ) from None
-        except TimeoutError:
-            raise DeployerError(f"{self.host} cannot be reached by ssh: no answer in {_CONNECTING:g} s") from None
-        except (asyncssh.Error, OSError, ValueError, asyncssh.ConfigParseError) as error:
-            if isinstance(error, DeployerError):
-                raise
-            raise DeployerError(f"{self.host} cannot be reached by ssh: {_reason(error)}") from None
-
-    async def _run(self, script: Callable[[str], str]) -> bytes:
-        token, connection = secrets.token_hex(8), await self._connected()
-        async with asyncio.timeout(_ANSWER):
-            process = await _execute(connection, script(token))
-            try:
-                await _skip_to(process, token)
-                answer = b""
-                while data := await process.stdout.read(_CHUNK):
-                    answer += data
-                    if len(answer) > _MOST:
-                        raise DeployerError(f"{self.host} answers with more than {_MOST} bytes")
-                return answer
-            finally:
-                process.close()
-
     async def _start(self, script: Callable[[str], str], program: RemoteProgram) -> str:
-        token, connection = secrets.token_hex(8), await self._connected()
-        async with asyncio.timeout(_ANSWER):
-            process = await _execute(connection, script(token))
-            begun: asyncio.Future[str] = self._loop.create_future()
-            task = self._loop.create_task(self._follow(process, token, program, begun))
-            self._tasks.add(task)
-            task.add_done_callback(self._tasks.discard)
+        token, line = secrets.token_hex(8), await self._running.reserve()
+        begun: asyncio.Future[str] = self._loop.create_future()
+        task = self._loop.create_task(self._follow(line, script(token), token, program, begun))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        async with asyncio.timeout(_STARTING):
             return await begun
 
-    async def _follow(self, process: Process, token: str, program: RemoteProgram, begun: asyncio.Future[str]) -> None:
+    async def _follow(
+        self, line: Line, script: str, token: str, program: RemoteProgram, begun: asyncio.Future[str]
+    ) -> None:
         try:
-            await program.follow(process, token, begun)
+            async with line:
+                process = await line.execute()
+                process.stdin.write(script.encode("utf-8", "surrogateescape"))
+                process.stdin.write_eof()
+                try:
+                    await program.follow(process, token, begun)
+                finally:
+                    process.close()
         except (asyncssh.Error, asyncio.IncompleteReadError, OSError) as error:
             if not begun.done():
                 begun.set_exception(error)
         finally:  # without a status it is found again when the connection is
-            process.close()
             program.closed.set()
             program.note_end()
-
-
-async def _execute(connection: asyncssh.SSHClientConnection, script: str) -> Process:
-    process = await connection.create_process(COMMAND, encoding=None)
-    process.stdin.write(script.encode("utf-8", "surrogateescape"))
-    process.stdin.write_eof()
-    return process
 
 
 async def _skip_to(process: Process, token: str) -> None:
     """Skip what login files print. Raises IncompleteReadError if the script says nothing."""
     await process.stdout.readuntil(f"{token}\n".encode())
-
-
-def _reason(error: Exception) -> str:
-    """Return the reason of an error without its number."""
-    return getattr(error, "reason", "") or getattr(error, "strerror", None) or str(error) or type(error).__name__
