@@ -77,6 +77,11 @@ def allowed_nodes(module: Module, computers: Sequence[Computer]) -> tuple[Text, 
     return tuple(Text(name, module.node.location) for name in names) if len(names) > 1 else ()
 
 
+def shown_node(module: Module, computers: Sequence[Computer]) -> str:
+    """Return where a module runs, for people: its node, or those among which one is chosen."""
+    return " or ".join(allowed_nodes(module, computers)) or module.node
+
+
 def lacking(figures: Mapping[str, str], needs: Needs) -> list[str]:
     """Return what a machine with these figures lacks, as ``memory.free_space of 2.0 GB is needed, 0.4 GB is there``."""
     found = []

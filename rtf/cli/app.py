@@ -121,8 +121,11 @@ def _network_if_there() -> Network | None:
 
 def show(words: Sequence[str]) -> ExitCode:
     """Print an application as it would be run, or its file as it would be written."""
+    from rtf.applications.placement import shown_node
     from rtf.applications.substitutions import substitute, table_of
+    from rtf.applications.xml.descriptions import find_computers
     from rtf.applications.xml.tree import read_tree, to_bytes
+    from rtf.testing.suite.diagnostics import DiagnosticLog
 
     parser = _parser("show", "An application as it would be run: with what it embeds, and its variables replaced.")
     parser.add_argument("--xml", action="store_true", help="print its file in order, with all that it has")
@@ -134,9 +137,10 @@ def show(words: Sequence[str]) -> ExitCode:
     print(f"{application.name} {application.version}".rstrip())
     if application.description:
         print(f"  {application.description}")
-    table = table_of(Path(application.file).parent)
+    folder = Path(application.file).parent
+    table, computers = table_of(folder), find_computers(folder, DiagnosticLog())
     for module in application.modules:
-        print(f"module {module.command}  [{module.node}]")
+        print(f"module {module.command}  [{shown_node(module, computers)}]")
         for dependency in module.dependencies:
             print(f"  waits for {dependency.port}")
         if told := substitute(module, table).told:

@@ -14,6 +14,7 @@ from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import chain
 from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from rtf import clock
@@ -27,8 +28,11 @@ from rtf.applications.page.document import save
 from rtf.applications.page.nodes import Nodes
 from rtf.applications.page.rate import LiveRates, measure
 from rtf.applications.page.view import key_of
+from rtf.applications.placement import allowed_nodes
+from rtf.applications.xml.descriptions import find_computers
 from rtf.applications.xml.reader import read_application
 from rtf.errors import RtfError
+from rtf.testing.suite.diagnostics import DiagnosticLog
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
@@ -134,6 +138,7 @@ class ControlledApplication:
     def _read(self) -> Application:
         loaded = read_application(self.path, self.variables)
         self._has_errors = loaded.has_errors
+        self._computers = find_computers(self.path.parent, DiagnosticLog())
         return loaded.application
 
     def _say(self, event: Event) -> None:
@@ -368,8 +373,9 @@ class ControlledApplication:
 
     def _places(self) -> dict[str, Deployer | None]:
         """Return the nodes of modules, with their deployers as long as there is a manager."""
-        modules = self._application.modules
-        places: dict[str, Deployer | None] = {one.node: None for one in modules if one.deployer != SSH}
+        asked = [one for one in self._application.modules if one.deployer != SSH]
+        nodes = [allowed_nodes(one, self._computers) or (one.node,) for one in asked]
+        places: dict[str, Deployer | None] = dict.fromkeys(chain.from_iterable(nodes))
         return places | {unit.module.node: unit.deployer for unit in self._units() if unit.deployer is not None}
 
 

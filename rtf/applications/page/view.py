@@ -13,8 +13,9 @@ import msgspec
 
 from rtf.applications.check import check_application
 from rtf.applications.page.document import Document, edited, ids_of, places, read_document
+from rtf.applications.placement import shown_node
 from rtf.applications.ports import beginnings, ports_of
-from rtf.applications.xml.descriptions import find_description, read_description
+from rtf.applications.xml.descriptions import find_computers, find_description, read_description
 from rtf.applications.xml.reader import read_application
 from rtf.applications.xml.tree import parse_tree
 from rtf.errors import Location
@@ -134,6 +135,7 @@ def _view(path: Path, variables: Mapping[str, str], root: Element, ids: list[str
 def _modules(application: Application, by_place: Mapping[Location, str]) -> Iterator[ModuleView]:
     folder = Path(application.file).parent
     used = _used(application)
+    computers = find_computers(folder, DiagnosticLog())
     for module in application.modules:
         opened = ports_of(module, find_description(module.name, folder, DiagnosticLog()))
         yield ModuleView(
@@ -141,7 +143,7 @@ def _modules(application: Application, by_place: Mapping[Location, str]) -> Iter
             module.tag,
             f"{module.prefix} {Path(module.name).name}".strip(),
             module.command,
-            module.node,
+            shown_node(module, computers),
             Path(module.location.file).name,
             tuple(one.port for one in module.dependencies),
             tuple(_ports(opened, used)),

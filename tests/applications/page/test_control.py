@@ -173,3 +173,16 @@ def test_what_cannot_be_run_is_refused(bench: Callable[[str], Bench], content: s
     """With the reason; nothing is started."""
     with pytest.raises(ApplicationError, match=message):
         bench(content).controlled.run({"other"})
+
+
+def test_module_whose_node_is_chosen(bench: Callable[[str], Bench]):
+    """The page knows it by its tag in the file, and has the node on which it runs, and the loads of all of them."""
+    lab = bench(module("sleep", "60", node="pc1, gone"))
+    with RunServer("/pc1", network=lab.factory.network):
+        (tag,) = (one.tag for one in read_application(lab.path).application.modules)
+        lab.controlled.run({tag})
+        lab.has(**{tag: "running"})
+        assert lab.controlled.status().modules[tag][3] == "pc1"
+        eventually(lambda: {"pc1", "gone"} <= {*lab.controlled.status().nodes}, "the nodes are not asked")
+        lab.controlled.stop(None)
+        lab.has(**{tag: "stopped"})
