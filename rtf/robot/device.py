@@ -51,6 +51,13 @@ SHIPPED: Mapping[str, str] = {
     "canBus": "rtf.robot.devices.can.bus_device:CanBusDevice",
     "canMotionControl": "rtf.robot.devices.can.motion_control:CanMotionControl",
     "canbusmotioncontrol": "rtf.robot.devices.can.motion_control:CanMotionControl",
+    **_family(
+        "rtf.robot.devices.can.sensors",
+        canBusStrain="CanStrain",
+        canBusMais="CanMais",
+        canBusInertialMTB="CanInertial",
+        canBusSkin="CanSkin",
+    ),
     "icubCalibrator": "rtf.robot.devices.calibrator:BoardCalibrator",
     **_family(
         "rtf.robot.sensors.battery",

@@ -8,21 +8,24 @@ import numpy as np
 
 from rtf.bottle import Bottle, Property, Value, as_float, to_string
 from rtf.robot.errors import ConfigurationError
-from rtf.robot.parameters import group_of
+from rtf.robot.parameters import group_of, wrong
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
 
 
 class Rows:
-    """The lists of a group. Names are case-insensitive. Errors are ConfigurationErrors with the location."""
+    """The lists of a group, or of the configuration itself. Names are case-insensitive.
 
-    def __init__(self, configuration: Property, name: str, joints: int) -> None:
+    Errors are ConfigurationErrors with the location.
+    """
+
+    def __init__(self, configuration: Property, name: str | None, joints: int) -> None:
         self._configuration = configuration
         self._name = name
         self._joints = joints
         self._lists: dict[str, tuple[str, list[Value]]] = {}
-        for key, group in group_of(configuration, name).items():
+        for key, group in (configuration if name is None else group_of(configuration, name)).items():
             inner = group.get(1)
             self._lists[key.lower()] = key, list(inner if isinstance(inner, Bottle) else group[1:])
 
@@ -67,6 +70,8 @@ class Rows:
 
     def wrong(self, key: str, sentence: str) -> ConfigurationError:
         """Return the error about a list."""
+        if self._name is None:
+            return wrong(self._configuration, key, sentence)
         return wrong_in(self._configuration, self._name, key, sentence)
 
 

@@ -1,0 +1,179 @@
+"""The sensors on the buses: force-torque sensors, hall sensors of a hand, inertial units, skin.
+
+All have a group ``CAN`` for the bus, see :func:`rtf.robot.devices.can.bus_settings.bus_settings`, and ``timeout`` (ms).
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtf.bottle import as_string
+from rtf.robot import parameters
+from rtf.robot.devices.can import sensor_messages as messages
+from rtf.robot.devices.can.codes import BoardType, InertialKind, StrainMode
+from rtf.robot.devices.can.messages import MessageClass
+from rtf.robot.devices.can.sensor_base import CanSensors, Sensor, address_of, addresses_of, check_type
+from rtf.robot.devices.rows import Rows
+from rtf.robot.interfaces import SensorCategory, SensorInfo
+
+if TYPE_CHECKING:
+    from rtf.bottle import Property
+    from rtf.robot.devices.can.codec import Decoded
+    from rtf.robot.devices.can.exchange import Exchange
+    from rtf.robot.interfaces import FloatArray
+
+#: The raw value of zero, and its distance from full scale.
+_MIDDLE = 0x8000
+_AXES, _CHANNELS, _MAIS = 3, 6, 15
+_STRAIN = frozenset({BoardType.STRAIN, BoardType.STRAIN2})
+_TRIANGLES, _TAXELS, _FIRST = 16, 12, 7  # triangles of a board, taxels of a triangle, and of its first message
+_SECOND_PART = 0x80
+_LONGEST_PERIOD = 255  # ms: one byte
+
+
+class CanStrain(CanSensors):
+    """``canBusStrain``: a board with a force-torque sensor at ``canAddress``.
+
+    ``period`` (ms, 10) is that of its messages. The board calibrates by its own matrix, and is asked for its full
+    scales (N, Nm), unless ``fullScale`` has six. With ``useCalibration no`` it sends raw values, and ``matrix`` (36
+    numbers, row by row) makes N and Nm of them, as shares of the range. A saturated channel is the status OVERFLOW.
+    """
+
+    #: From shares of the range to N and Nm; None until the full scales are known.
+    _units: FloatArray | None = None
+
+    def configure(self, configuration: Property) -> list[Sensor]:
+        self._address = address_of(configuration)
+        self._period = parameters.count(configuration, "period", 10, _LONGEST_PERIOD)
+        self._calibrated = parameters.flag(configuration, "useCalibration", default=True)
+        name = as_string(configuration.get("sensorName", self.name))
+        scales, matrix = Rows(configuration, None, _CHANNELS), Rows(configuration, None, _CHANNELS**2)
+        if not self._calibrated:
+            self._units = matrix.row("matrix").reshape(_CHANNELS, _CHANNELS)
+        self._asks = self._calibrated and scales.values("fullScale") is None
+        if self._calibrated and not self._asks:
+            self._units = np.diag(scales.row("fullScale"))
+        self._force: tuple[FloatArray, bool] | None = None
+        info = SensorInfo(name, as_string(configuration.get("frameName", name)))
+        self._together = Sensor(SensorCategory.FORCE_TORQUE, info, np.zeros(_CHANNELS))
+        return [self._together]
+
+    def identifiers(self) -> list[int]:
+        return [MessageClass.SENSOR_PERIODIC << 8 | self._address << 4 | code for code in range(16)]
+
+    def begin(self, exchange: Exchange) -> None:
+        check_type(exchange, self._address, _STRAIN)
+        if self._asks:
+            found = [exchange.ask(messages.FULL_SCALE, self._address, channel) for channel in range(_CHANNELS)]
+            self._units = np.diag([float(scale) for _, scale in found])
+        mode = StrainMode.CALIBRATED if self._calibrated else StrainMode.RAW
+        exchange.bus.send(
+            messages.SET_SENSOR_RATE.frame(self._address, self._period),
+            messages.SET_STRAIN_MODE.frame(self._address, mode),
+        )
+
+    def take(self, got: Decoded, stamp: float) -> None:
+        code = got.message.code
+        force, torque = (
+            (messages.FORCE, messages.TORQUE) if self._calibrated else (messages.RAW_FORCE, messages.RAW_TORQUE)
+        )
+        if code not in (force.code, torque.code) or self._units is None:
+            return
+        shares = (np.array(got.values[:_AXES], dtype=np.float64) - _MIDDLE) / _MIDDLE
+        saturated = len(got.values) > _AXES and bool(got.values[_AXES])
+        if code == force.code:
+            self._force = shares, saturated
+        elif self._force is not None:
+            values = np.concatenate([self._force[0], shares])
+            self._together.put(self._units @ values, stamp, saturated=saturated or self._force[1])
+            self._force = None
+
+
+class CanMais(CanSensors):
+    """``canBusMais``: a board with the fifteen hall sensors of a hand at ``canAddress``; values are 0 to 255."""
+
+    def configure(self, configuration: Property) -> list[Sensor]:
+        self._address = address_of(configuration)
+        self._low: tuple[float, ...] | None = None
+        self._array = Sensor(SensorCategory.ENCODER_ARRAY, SensorInfo(self.name), np.zeros(_MAIS))
+        return [self._array]
+
+    def identifiers(self) -> list[int]:
+        return [one.identifier(self._address) for one in (messages.MAIS_LOW, messages.MAIS_HIGH)]
+
+    def take(self, got: Decoded, stamp: float) -> None:
+        values = tuple(float(value) for value in got.values)
+        if got.message is messages.MAIS_LOW:
+            self._low = values
+        elif self._low is not None:
+            self._array.put(np.array([*self._low, *values]), stamp)
+            self._low = None
+
+
+class CanInertial(CanSensors):
+    """``canBusInertialMTB``: a gyroscope and an accelerometer on each board of ``canAddresses``.
+
+    ``gyroscopeScale`` (deg/s a count) and ``accelerometerScale`` (m/s² a count) are required: boards do not say them.
+    """
+
+    def configure(self, configuration: Property) -> list[Sensor]:
+        self._addresses = addresses_of(configuration)
+        gyroscope = parameters.positive(configuration, "gyroscopeScale")
+        acceleration = parameters.positive(configuration, "accelerometerScale")
+        self._scales = {SensorCategory.GYROSCOPE: gyroscope, SensorCategory.ACCELEROMETER: acceleration}
+        self._by_board = {
+            (board, category): Sensor(category, SensorInfo(f"{self.name}_{board}"), np.zeros(_AXES))
+            for category, board in product(self._scales, self._addresses)
+        }
+        return list(self._by_board.values())
+
+    def identifiers(self) -> list[int]:
+        kinds = (messages.GYROSCOPE, messages.ACCELEROMETER, messages.INERTIAL_VECTOR)
+        return [kind.identifier(board) for board, kind in product(self._addresses, kinds)]
+
+    def take(self, got: Decoded, stamp: float) -> None:
+        category = {
+            messages.GYROSCOPE.code: SensorCategory.GYROSCOPE,
+            messages.ACCELEROMETER.code: SensorCategory.ACCELEROMETER,
+        }.get(got.message.code)
+        if got.message is messages.INERTIAL_VECTOR:
+            category = _VECTORS.get(int(got.values[1]))
+        if category is not None:
+            values = np.array(got.values[-_AXES:], dtype=np.float64) * self._scales[category]
+            self._by_board[got.source, category].put(values, stamp)
+
+
+_VECTORS = {
+    int(InertialKind.ACCELERATION): SensorCategory.ACCELEROMETER,
+    int(InertialKind.ANGULAR_VELOCITY): SensorCategory.GYROSCOPE,
+}
+
+
+class CanSkin(CanSensors):
+    """``canBusSkin``: the taxels of the boards of ``canAddresses``, twelve for each of their sixteen triangles.
+
+    Values are those of the boards, 0 to 255. A board is well while any of its triangles sends.
+    """
+
+    def configure(self, configuration: Property) -> list[Sensor]:
+        self._patches = {
+            board: Sensor(SensorCategory.SKIN_PATCH, SensorInfo(f"{self.name}_{board}"), np.zeros(_TRIANGLES * _TAXELS))
+            for board in addresses_of(configuration)
+        }
+        return list(self._patches.values())
+
+    def identifiers(self) -> list[int]:
+        return [one.identifier(board) for board in self._patches for one in messages.SKIN]
+
+    def take(self, got: Decoded, stamp: float) -> None:
+        patch = self._patches[got.source]
+        part, *taxels = got.values
+        second = bool(int(part) & _SECOND_PART)
+        begin = got.message.code * _TAXELS + (_FIRST if second else 0)
+        count = _TAXELS - _FIRST if second else _FIRST
+        values = patch.values.copy()
+        values[begin : begin + count] = taxels[:count]
+        patch.put(values, stamp)
