@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 #: The least range of a sweep that is judged, deg.
 _LEAST = 5.0
+#: The least speed of a move, deg/s.
+_SLOWEST = 5.0
 #: The fewest states of a sweep that are judged.
 _FEWEST = 50
 #: The least current of a motor whose winding is not known, in per cent: it has the sign of its duty cycle.
@@ -115,12 +117,17 @@ class JointSweep(JointsTest):
     def _routine(self, joint: int) -> Routine[None]:
         """Move a joint to its lower end and to its upper one slowly, back to the lower one and home fast."""
         low, high = self.ends[joint]
-        home, slow, fast = self.robot_part.home[joint], self.slow_speeds[joint], self.fast_speeds[joint]
+        slow, (fast,) = float(self.slow_speeds[joint]), self.robot_part.paced(self.fast_speeds[[joint]], [joint])
+        here = home = float(self.robot_part.home[joint])
         moves: list[tuple[float, float]] = []
         outcome = Outcome()
         for target, speed in ((low, slow), (high, slow), (low, fast), (home, fast)):
             begin = self.now()
-            outcome = yield from self.swinger.visiting(joint, [(float(target), float(speed))])
+            # The acceleration of a move goes with the square of its speed, divided by its way: none is greater than
+            # that of the fast move over the whole range, as a controller that gives all it has shows no friction.
+            gentle = float(fast) * math.sqrt(abs(target - here) / (high - low))
+            here = target
+            outcome = yield from self.swinger.visiting(joint, [(target, min(float(speed), max(gentle, _SLOWEST)))])
             moves.append((begin, self.now()))
             if outcome.complaint:
                 break

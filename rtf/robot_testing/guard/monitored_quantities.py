@@ -31,7 +31,7 @@ _USUAL_SPEED = 80.0
 _TRAJECTORY_SPEED, _CAUGHT = 40.0, 0.1
 _TRAJECTORY_MODES = frozenset({ControlMode.POSITION, ControlMode.VELOCITY, ControlMode.MIXED})
 #: Ratio of the peak speed of a move to its commanded speed: a minimum-jerk trajectory has a peak of 15/8.
-_PEAK_RATIO = 2.0
+PEAK_RATIO = 2.0
 
 
 class Violation(NamedTuple):
@@ -169,7 +169,7 @@ class MonitoredSpeed(MonitoredQuantity):
         )
 
     def _expected(self, least: float = _USUAL_SPEED) -> FloatArray:
-        expected: FloatArray = np.minimum(self._most, np.maximum(least, _PEAK_RATIO * self._commanded))
+        expected: FloatArray = np.minimum(self._most, np.maximum(least, PEAK_RATIO * self._commanded))
         return self._share * expected
 
 

@@ -15,6 +15,7 @@ from rtf.robot_testing.guard.coverage import coverage_table
 from rtf.robot_testing.guard.guarded_part import GuardedPart
 from rtf.robot_testing.guard.limits import GuardError, Limits
 from rtf.robot_testing.guard.monitored_quantities import (
+    PEAK_RATIO,
     MonitoredPart,
     MonitoredQuantity,
     Violation,
@@ -80,7 +81,7 @@ class MotionGuard(GuardedPart):
         self._quantities = state_quantities(board, place, self.limits, self.fastest, self.snapshot.max_currents)
         self._temperatures = temperatures(board, place, self.limits)
         self._temperatures_read = -np.inf  # when the temperatures were last read, s of the robot's clock
-        self._restoration = Restoration(self, self._watch_way_back)
+        self._restoration = Restoration(self, self._watch_way_back, self.fastest / PEAK_RATIO)
         self._joints = self._watch_joints(robot)
         self._heartbeat = heartbeat
         self._moves = moves

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.guard.guarded_part import GuardedPart
 
-#: Speed at which joints are moved back, deg/s, and the most time for it, s.
+#: Speed at which joints are moved back, deg/s, or less if they are slow, and the most time for it, s.
 RETURN_SPEED, RETURN_TIME = 20.0, 20.0
 _ARRIVED = 2.0  # deg
 _PACE = 0.05  # s
@@ -36,11 +36,15 @@ _RESTORABLE = frozenset(
 
 
 class Restoration:
-    """The restoration of a part. ``watch`` is called regularly while joints are moved back; it raises GuardError."""
+    """The restoration of a part. ``watch`` is called regularly while joints are moved back; it raises GuardError.
 
-    def __init__(self, part: GuardedPart, watch: Callable[[], None]) -> None:
+    ``fastest`` are the greatest speeds of moves of the joints (deg/s).
+    """
+
+    def __init__(self, part: GuardedPart, watch: Callable[[], None], fastest: FloatArray) -> None:
         self._part = part
         self._watch = watch
+        self._speeds = np.minimum(RETURN_SPEED, fastest)
         self._secured: set[int] = set()  # joints that were reported as held
 
     def run(self, seconds: float = RETURN_TIME, *, move_back: bool = True) -> None:
@@ -173,7 +177,7 @@ class Restoration:
     def _command_back(self, joints: Sequence[int]) -> None:
         board = self._part.board
         board.set_control_modes([ControlMode.POSITION] * len(joints), joints)
-        board.set_reference_speeds([RETURN_SPEED] * len(joints), joints)
+        board.set_reference_speeds(self._speeds[joints], joints)
         board.position_move(self._return_targets[joints], joints)
 
     def _restore_modes(self, problems: ErrorCollector) -> None:

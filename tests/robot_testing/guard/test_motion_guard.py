@@ -454,6 +454,26 @@ def test_a_board_without_answers_is_tried_once(bench: Bench):
     assert str(caught.value).count("cannot be reached again") == 1
 
 
+def test_a_slow_joint_is_moved_back_slowly(bench: Bench):
+    """The peak speed of its move is not beyond its greatest speed; the others are moved back at 20 deg/s."""
+    bench.device.set_velocity_limits(0, 0.0, 16.0)
+    guard = bench.guard()
+    bench.device.position_move([20.0, 20.0], [0, 1])
+    bench.time.sleep(10.0)
+    bench.publish()
+    speeds = []
+
+    def publish() -> None:
+        speeds.append(abs(bench.device.encoder_speeds([0, 1])))
+        bench.publish()
+
+    bench.time.publish = publish
+    guard.restore()
+    slow, other = max(speed[0] for speed in speeds), max(speed[1] for speed in speeds)
+    assert 12.0 < slow <= 16.0
+    assert 30.0 < other <= 40.0
+
+
 def test_a_violation_on_the_way_back_stops_all_joints(bench: Bench):
     """All limits but those of positions are watched then."""
     guard = bench.guard()
