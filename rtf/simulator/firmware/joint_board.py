@@ -119,8 +119,9 @@ class JointBoard(JointBoardState):
     def _send_errors(self) -> None:
         """Send the errors of positions, and desired minus measured torques."""
         measured, positions = self.readings.torques(), self.readings.errors()
-        wanted = [own.number(m.DESIRED_TORQUE) for own in self.parameters]
-        torques = [short(one - measured[axis]) for one, axis in zip(wanted, self.axes, strict=True)]
+        torques = [
+            short(own.desired_torque - measured[axis]) for own, axis in zip(self.parameters, self.axes, strict=True)
+        ]
         self.send(m.BROADCAST_ERROR, *(positions[axis] for axis in self.columns), *[*torques, 0][:AXES])
 
     def _pair(self, message: Message, first: Sequence[int], second: Sequence[int] | None = None) -> None:

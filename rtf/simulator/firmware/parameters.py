@@ -52,6 +52,7 @@ class AxisParameters:
         self.velocity_shift = VELOCITY_SHIFT
         self.estimator_shifts = [ESTIMATOR_SHIFT] * 4
         self.velocity_timeout: float | None = None
+        self.desired_torque = 0.0  # counts
         self.written: dict[str, tuple[float | bytes, ...]] = {}
 
     @property
@@ -66,6 +67,8 @@ class AxisParameters:
             whole = self.value(setting)
             values = (*whole[:place], *values, *whole[place + 1 :])
         self.written[setting.set.name] = values
+        if setting is m.DESIRED_TORQUE:
+            self.desired_torque = self.number(setting)
 
     def value(self, setting: Setting) -> tuple[float | bytes, ...]:
         """Return the values of a setting; zeros until it was set."""

@@ -59,14 +59,20 @@ class SimulatedBus(can.BusABC):
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """Return the next frame, with the simulated time of its end; None if none comes within ``timeout`` s."""
-        time = clock.current()
-        end = time.now() + (float("inf") if timeout is None else timeout)
-        while not self._arrived:
-            if time.now() >= end or self._simulation.is_computing_here:
-                return None
-            time.sleep(_LOOK)
+        if not self._arrived and not self._wait(timeout):
+            return None
         frame, stamp = self._arrived.popleft()
         return can.Message(timestamp=stamp, arbitration_id=frame.identifier, data=frame.data, is_extended_id=False)
+
+    def _wait(self, timeout: float | None) -> bool:
+        """Wait for a frame; return whether there is one."""
+        if timeout == 0.0 or self._simulation.is_computing_here:
+            return False
+        time = clock.current()
+        end = time.now() + (float("inf") if timeout is None else timeout)
+        while not self._arrived and time.now() < end:
+            time.sleep(_LOOK)
+        return bool(self._arrived)
 
     def shutdown(self) -> None:
         """Leave the wire; a second call has no effect."""

@@ -83,12 +83,12 @@ class Wire:
     """A bus. Not thread-safe: used within the steps of a simulation.
 
     ``disturbances`` are asked for each frame whether it is damaged; ``filters`` return what is delivered in place of a
-    frame. Both are faults, and empty on a healthy bus. ``bits`` counts all bits that were on the bus.
+    frame. Both are faults, and empty on a healthy bus. ``bits`` and ``frames`` count what has passed.
     """
 
     def __init__(self, name: str) -> None:
         self.name = name
-        self.bits = 0
+        self.bits = self.frames = 0
         self.disturbances: list[Callable[[Frame, float], bool]] = []
         self.filters: list[Callable[[Frame, float], Iterable[Frame]]] = []
         self._nodes: list[Connection] = []
@@ -136,6 +136,7 @@ class Wire:
                 continue
             bits = frame_bits(frame)
             used += bits
+            self.frames += 1
             sender.waiting -= 1
             if sender.sender_errors:
                 sender.sender_errors -= 1

@@ -7,15 +7,17 @@ among them the acknowledgement, and the space between frames. Source: ISO 11898-
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rtf.robot.devices.can.messages import Frame
 
-#: Bits after the checksum: its delimiter, acknowledgement, end of frame, and the space to the next one.
-_UNSTUFFED = 13
-_POLYNOMIAL = 0x4599
-_CHECKSUM = 15
+#: Bits before the data; with the checksum, and those after it: its delimiter, acknowledgement, end of frame, and the
+#: space to the next one.
+_HEAD = 19
+_FIXED = _HEAD + 15 + 13
+_POLYNOMIAL, _CHECKSUM_MASK = 0x4599, 0x7FFF
 #: After so many equal bits one is stuffed in.
 _RUN = 5
 
@@ -23,24 +25,24 @@ _RUN = 5
 def frame_bits(frame: Frame) -> int:
     """Return the length of a frame in bits, from its start to the earliest start of the next one: 47 to 135."""
     identifier, data = frame
-    head = identifier << 7 | len(data)  # 19 bits, the highest of which is the start
-    checksum = 0
-    for byte in (head >> 16, head >> 8 & 0xFF, head & 0xFF, *data):
-        checksum = (checksum << 8 & 0x7FFF) ^ _CHECKSUMS[checksum >> 7 ^ byte]
-    # 34 bits and the data: the first two by themselves, then bytes. The start is 0.
-    first = head >> 17 & 1
-    stuffed, state = 0, _state(first, 1 if first else 2)
-    bits = (head & 0x1FFFF) << 8 * len(data) | int.from_bytes(data, "big")
-    bits = bits << _CHECKSUM | checksum
-    for byte in bits.to_bytes(4 + len(data), "big"):
+    checksum, stuffed, state = _head(identifier, len(data))
+    for byte in data:
+        checksum = (checksum << 8 & _CHECKSUM_MASK) ^ _CHECKSUMS[checksum >> 7 ^ byte]
         extra, state = _STUFFING[state][byte]
         stuffed += extra
-    return 34 + 8 * len(data) + stuffed + _UNSTUFFED
+    extra, state = _STUFFING[state][checksum >> 7]
+    return _FIXED + 8 * len(data) + stuffed + extra + _STUFFING_OF_7[state][checksum & 0x7F][0]
 
 
-def _state(last: int, run: int) -> int:
-    """Return the number of the state after ``run`` bits with the value ``last``."""
-    return last * _RUN + run - 1
+@cache
+def _head(identifier: int, size: int) -> tuple[int, int, int]:
+    """Return the checksum, the number of stuffed bits, and the state after the bits before the data."""
+    head = identifier << 7 | size
+    checksum = 0
+    for byte in head.to_bytes(3, "big"):  # with leading zeros, which do not change it
+        checksum = (checksum << 8 & _CHECKSUM_MASK) ^ _CHECKSUMS[checksum >> 7 ^ byte]
+    # The start is the first bit, and 0.
+    return checksum, *_stuff(0, head, _HEAD - 1)
 
 
 def _checksum(byte: int) -> int:
@@ -48,21 +50,25 @@ def _checksum(byte: int) -> int:
     register = byte << 7
     for _ in range(8):
         register = register << 1 ^ (_POLYNOMIAL if register & 0x4000 else 0)
-    return register & 0x7FFF
+    return register & _CHECKSUM_MASK
 
 
-def _stuff(state: int, byte: int) -> tuple[int, int]:
-    """Return how many bits are stuffed into a byte after a state, and the state after it."""
+def _stuff(state: int, bits: int, size: int) -> tuple[int, int]:
+    """Return how many bits are stuffed into ``size`` bits after a state, and the state after them.
+
+    A state is the value of the last bit, and the length of the run that it ends.
+    """
     last, run = state // _RUN, state % _RUN + 1
     stuffed = 0
-    for place in range(7, -1, -1):
-        bit = byte >> place & 1
+    for place in range(size - 1, -1, -1):
+        bit = bits >> place & 1
         last, run = (bit, run + 1) if bit == last else (bit, 1)
         if run == _RUN:
             stuffed += 1
             last, run = 1 - bit, 1
-    return stuffed, _state(last, run)
+    return stuffed, last * _RUN + run - 1
 
 
 _CHECKSUMS = tuple(_checksum(byte) for byte in range(256))
-_STUFFING = tuple(tuple(_stuff(state, byte) for byte in range(256)) for state in range(2 * _RUN))
+_STUFFING = tuple(tuple(_stuff(state, byte, 8) for byte in range(256)) for state in range(2 * _RUN))
+_STUFFING_OF_7 = tuple(tuple(_stuff(state, bits, 7) for bits in range(128)) for state in range(2 * _RUN))

@@ -172,7 +172,8 @@ class CanMotionControl(BoardDriver):
         if got.message.kind is MessageClass.MOTOR_PERIODIC:
             for link in links:
                 link.take(got, stamp)
-            self._arrived.set()
+            if not self._arrived.is_set():
+                self._arrived.set()
         elif got.message in (CONTROL_MODE.value, FOC_CONTROL_MODE.value):
             for link in links:
                 if link.index == got.axis:
