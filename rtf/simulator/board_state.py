@@ -17,11 +17,13 @@ from rtf.robot.devices.motor_board import MotorBoard
 from rtf.robot.extended_state import ExtendedState, Field
 from rtf.robot.interfaces import JointType, MotorTorqueParameters
 from rtf.simulator.controller import JointControllers
+from rtf.simulator.encoder_counts import EncoderCounts
 from rtf.simulator.fair_lock import FairLock
 from rtf.simulator.motors import Motors
 from rtf.simulator.plant import TIMESTEP
 from rtf.simulator.position_gains import FULL, position_pids
 from rtf.simulator.setpoints import SetpointBlocks
+from rtf.simulator.torque_sensors import TorqueSensors
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -62,11 +64,8 @@ class BoardState(MotorBoard, BoardDriver):
         #: Units of each axis, deg or m, a unit of the physics engine, rad or m.
         self.scale = np.array([1.0 if axis.prismatic else _DEGREES for axis in self.axes], dtype=np.float64)
         self._length: FloatArray = data.actuator_length
-        self._speed: FloatArray = data.actuator_velocity
         self.motors = Motors(plant, data, seed)
-        self._exerts: FloatArray = data.actuator_force
-        self._hastens: FloatArray = data.qacc
-        self._jacobian = plant.jacobian
+        self.torque_sensors = TorqueSensors(plant, data.actuator_force, seed)
         super().__init__(self, FairLock())
         # Active faults: functions that change their arguments. Empty in a healthy robot.
         self.encoder_faults: list[Callable[[FloatArray, FloatArray, float], None]] = []
@@ -114,8 +113,10 @@ class BoardState(MotorBoard, BoardDriver):
         self.heat = _HEATING / self.nominal_current**2
         self.limit_slack = np.zeros(count)  # how far a faulty board lets joints go beyond them
         self.controllers = JointControllers(self.motors.wanted)
+        self.counts = EncoderCounts(self._ticks_a_radian, self.plant.robot.sensors.encoders)
         self._ticks = np.rint(home * self.resolution)
-        self._measured_speed = self._speed  # rad/s; those of the physics engine, unless an encoder is faulty
+        self._measured_speed = np.zeros(count)  # rad/s
+        self.counts.fill(self._ticks, self.motors.gears.angles())
         self._powered = np.ones(count)  # 0 of an axis whose mode has no power
         self._encoder_shift: FloatArray | None = None
         self._motor_shift = np.zeros(count)
@@ -144,20 +145,20 @@ class BoardState(MotorBoard, BoardDriver):
         np.multiply(self._length, self._ticks_a_radian, out=self._scratch)
         if self._zeros is not None:
             self._scratch += self._zeros
-        np.rint(self._scratch, out=self._ticks)
+        counts = self.counts
+        counts.put(self.tick, self._scratch, self.motors.gears.angles())
+        self._ticks, self._measured_speed = counts.shown(self.tick)
         if self._encoder_shift is not None or self.encoder_faults:
             self._distort()
-        else:
-            self._measured_speed = self._speed
 
     def _distort(self) -> None:
         """Apply encoder offsets and encoder faults to the measurements."""
-        position, velocity = self._ticks / self.resolution, self._speed * self.scale
+        position, velocity = self._ticks / self.resolution, self._measured_speed * self.scale
         if self._encoder_shift is not None:
             position += self._encoder_shift
         for fault in self.encoder_faults:
             fault(position, velocity, self.now)
-        self._ticks[:] = np.rint(position * self.resolution)
+        self._ticks = np.rint(position * self.resolution)
         self._measured_speed = velocity / self.scale
 
     @property
@@ -191,14 +192,14 @@ class BoardState(MotorBoard, BoardDriver):
         return self.plant.axis_torques(self.data.qfrc_bias)
 
     def accelerations_now(self) -> FloatArray:
-        """The accelerations of the axes (deg/s²)."""
-        found: FloatArray = self._jacobian @ self._hastens
+        """The accelerations of the axes by the counts of their encoders (deg/s²)."""
+        found = self.counts.accelerations(self.tick)
         found *= self.scale
         return found
 
     def measured_torques(self) -> FloatArray:
         """The readings of the torque sensors (Nm)."""
-        torques: FloatArray = self._exerts.copy()
+        torques = self.torque_sensors.torques()
         for fault in self.torque_faults:
             fault(torques, self.now)
         return torques
@@ -220,12 +221,13 @@ class BoardState(MotorBoard, BoardDriver):
 
     def motor_motion(self) -> tuple[FloatArray, FloatArray]:
         """Angles of the rotors (deg), as their encoders count them, and their speeds (deg/s)."""
-        gears = self.motors.gears
-        turns = self._turns @ gears.angles()
-        speeds = self._turns @ gears.speeds()
+        turns, ticks = self._turns @ self.motors.gears.angles(), self._rotor_ticks
+        before = self._turns @ self.counts.rotors_before(self.tick)
+        speeds = np.rint(turns * ticks)
+        speeds -= np.rint(before * ticks)
+        speeds /= ticks * self.counts.window
         for fault in self.motor_encoder_faults:
             fault(turns, speeds, self.now)
-        ticks = self._rotor_ticks
         turns += self._motor_shift
         turns *= ticks
         np.rint(turns, out=turns)
@@ -234,7 +236,7 @@ class BoardState(MotorBoard, BoardDriver):
 
     def motor_accelerations(self) -> FloatArray:
         """The accelerations of the rotors (deg/s²)."""
-        accelerations: FloatArray = self._turns @ (self._jacobian @ self._hastens)
+        accelerations: FloatArray = self._turns @ self.counts.rotor_accelerations(self.tick)
         return accelerations
 
     def measured(self, field: Field) -> NDArray[Any]:
@@ -251,10 +253,9 @@ class BoardState(MotorBoard, BoardDriver):
         shot = state.floats
         np.divide(self._ticks, self.resolution, out=shot[0])
         np.multiply(self._measured_speed, self.scale, out=shot[1])
-        hastens = self._jacobian @ self._hastens
-        np.multiply(hastens, self.scale, out=shot[2])
+        shot[2] = self.accelerations_now()
         shot[3], shot[4] = self.motor_motion()
-        np.dot(self._turns, hastens, out=shot[5])
+        shot[5] = self.motor_accelerations()
         shot[6] = self.measured_torques()
         shot[7] = self.motor_duties()
         shot[8] = self.motor_currents()

@@ -7,6 +7,7 @@ healthy robot.
 
 from __future__ import annotations
 
+from collections import deque
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from rtf.simulator.board_state import AMBIENT, BoardState
 from rtf.simulator.controller import INTEGRATION
 from rtf.simulator.plant import TIMESTEP
 from rtf.simulator.position_gains import FULL
+from rtf.simulator.torque_sensors import SAMPLED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,8 +28,8 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray, Pid
     from rtf.simulator.plant import Plant
 
-#: Steps between the slow work of the boards: supervision, temperatures.
-SLOW = 10
+#: Steps between the slow work of the boards: supervision, temperatures, torque sensors.
+SLOW = SAMPLED
 _THERMAL_TIME = 600.0  # s
 
 
@@ -48,11 +50,16 @@ class Boards(BoardState):
         self._compliant: NDArray[np.intp] | None = None
         self._torquing: NDArray[np.intp] | None = None
         self._exerted = np.zeros(count)  # the torques commanded in the last step
+        #: The torques commanded when the torque sensors were read; the first ones belong to what they show now.
+        self._commanded: deque[FloatArray] = deque([np.zeros(count)], maxlen=self.torque_sensors.kept)
         for axis in range(count):
             self.configure(axis)
         for axis, torque in enumerate(self.gravity().tolist()):
             self.controllers.set_integral(axis, torque)
-        self.motors.rest(self.controllers.integral)  # so that the robot is held before the first step, too
+        held = self.controllers.integral
+        self.motors.rest(held)  # so that the robot is held before the first step, too
+        self.torque_sensors.rest(held)
+        self.counts.fill(self._ticks, self.motors.gears.angles())
 
     def reset(self) -> None:
         """Reset all states and settings; the physics have been reset to home."""
@@ -86,9 +93,8 @@ class Boards(BoardState):
             axes = self._compliant
             torque[axes] += self.gravity()[axes]
         if self._torquing is not None:
-            # The measurement shows the torque of the previous step.
             axes = self._torquing
-            missing = self._exerted[axes] - self.measured_torques()[axes]
+            missing = self._commanded[0][axes] - self.measured_torques()[axes]
             self.controllers.add_to_integral(axes, _TORQUE_INTEGRAL * TIMESTEP * missing)
             self._exerted[axes] = np.where(self._expired[axes], 0.0, self.torques[axes])
         if self._stiction:
@@ -102,7 +108,9 @@ class Boards(BoardState):
     # Supervision ------------------------------------------------------------------------------------------------
 
     def supervise(self) -> None:
-        """Check the motors, warm them, and do what all boards do."""
+        """Check the motors, warm them, read the slow sensors, and do what all boards do."""
+        self.torque_sensors.sample(self.tick)
+        self._commanded.append(self._exerted.copy())
         self.controllers.clip_integral(self._max_integral)
         self._heat(self.motors.drawn())
         currents = self.motor_currents()
@@ -174,6 +182,8 @@ class Boards(BoardState):
         super().enter(axis, mode)
         if mode is ControlMode.TORQUE:
             self._exerted[axis] = self.torques[axis]
+            for commanded, measured in zip(self._commanded, self.torque_sensors.samples, strict=True):
+                commanded[axis] = measured[axis]  # what was before is no error of this controller
         self.controllers.set_integral(axis, held if self.controllers.ki[axis] else 0.0)
 
     def _effort(self, axis: int, before: ControlMode, field: Field) -> float:

@@ -6,9 +6,11 @@ import dataclasses
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from msgspec.structs import replace
 
 from icub import INDEX, build_icub
 from rtf.robot.control_modes import ControlMode
+from rtf.robot.model.file import Encoders, JointTorques
 from rtf.simulator.part import SimulatedPart
 from rtf.simulator.plant import Options
 from rtf.simulator.simulation import Simulation
@@ -27,16 +29,31 @@ def with_axes(plant: Plant, **changes: Any) -> Plant:
     return dataclasses.replace(plant, robot=dataclasses.replace(robot, parts=parts))
 
 
+def with_sensors(plant: Plant, **changes: Any) -> Plant:
+    """Return a plant with other tables of its sensors, such as ``joint_torques``."""
+    robot = plant.robot
+    return dataclasses.replace(plant, robot=dataclasses.replace(robot, sensors=replace(robot.sensors, **changes)))
+
+
+def with_exact_sensors(plant: Plant) -> Plant:
+    """Return a plant with fine encoders that are read at once, and exact torque sensors."""
+    plant = with_axes(plant, encoder_resolution=1e6)
+    torques = JointTorques(noise=0.0, offset=0.0, delay=0.0)
+    return with_sensors(plant, encoders=Encoders(latency=0.0), joint_torques=torques)
+
+
 class Rig:
     """A new robot at home.
 
-    ``frictionless``: without friction and damping, which would hide what a board fails to hold.
+    ``frictionless``: without friction and damping, which would hide what a board fails to hold, and with sensors so
+    fine and quick that a joint does not swing by them.
     """
 
     def __init__(self, *, frictionless: bool = False, **options: Any) -> None:
         if frictionless:
             options |= {"friction": False, "damping": False}
-        self.simulation = Simulation(build_icub(Options(**options)))
+        plant = build_icub(Options(**options))
+        self.simulation = Simulation(with_exact_sensors(plant) if frictionless else plant)
         self.boards = self.simulation.boards
         self.data = self.simulation.data
         self.model = self.simulation.plant.model

@@ -83,8 +83,8 @@ def test_the_current_falls_with_the_speed():
         speeds.append(abs(rig.boards.motor_motion()[1][index]))
     assert currents[0] > 0.5 * 0.3 * AXES[index].peak_current
     assert currents[-1] < 0.1 * currents[0]
-    assert (np.diff(currents) < 0).all()
-    assert (np.diff(speeds) > 0).all()
+    assert (np.diff(currents) < 0.005).all()  # other joints jitter by the steps of their speeds
+    assert (np.diff(speeds) > -110.0).all()  # three counts of its encoder
 
 
 def test_a_blocked_motor_has_the_current_of_its_resistance(rig: Rig):

@@ -221,8 +221,35 @@ class DepthCamera(Table, frozen=True):
     known: list[KnownDepth] = []
 
 
+class JointTorques(Table, frozen=True):
+    """How the torque sensors of the joints measure, for the simulation; shares are of the greatest torque of a joint.
+
+    Strain gauges of robots are good for some tenths of a per cent of their range; the iCub's estimator of torques
+    computes them every 10 ms.
+    """
+
+    noise: NotNegative = 0.001  # a share, standard deviation
+    offset: NotNegative = 0.002  # a share, the greatest one
+    delay: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.01  # s
+
+
+class Encoders(Table, frozen=True):
+    """How boards compute from the counts of encoders, for the simulation.
+
+    A board reads its encoders once a millisecond, and uses a reading in the next one. Speeds are differences of counts
+    over a window: a longer one has finer steps, and makes the damping of a controller late.
+    """
+
+    latency: Annotated[float, Meta(ge=0.0, le=0.01)] = 0.001  # s, of the encoders of joints
+    speed_window: Annotated[float, Meta(ge=0.001, le=0.05)] = 0.005  # s
+    acceleration_window: Annotated[float, Meta(ge=0.001, le=0.05)] = 0.02  # s, of each of the two speeds
+
+
 class Sensors(Table, frozen=True):
     """The sensors, by their names."""
+
+    encoders: Encoders = Encoders()
+    joint_torques: JointTorques = JointTorques()
 
     force_torque: dict[str, ForceTorque] = {}
     inertial: dict[str, Inertial] = {}

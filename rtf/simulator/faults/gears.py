@@ -56,7 +56,7 @@ class ElasticGear(GearFault):
     kind = "elastic_gear"
     description = "The gear bends: a cracked flexspline, a stretched belt, or a cable that has lost its tension."
     symptom = "The motor encoder leads the joint in proportion to the torque; the joint swings after a move."
-    parameters = (Parameter("twist", 5.0, "deg", "of the joint, by the greatest torque of its motor", 0.0, 90.0),)
+    parameters = (Parameter("twist", 2.0, "deg", "of the joint, by the greatest torque of its motor", 0.0, 90.0),)
     twist: float
 
     def change(self, gears: Looseness) -> None:
