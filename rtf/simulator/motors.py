@@ -201,7 +201,8 @@ class Motors:
         if self._uneven:
             shares = np.where(volts > 0.0, self._upwards, self._downwards)
             volts /= np.where(self._fed, 1.0, np.maximum(shares, 1.0 / FULL))
-        volts[self._open] = np.sign(demanded[self._open]) * self.supply[self._open]
+        if len(self._open):
+            volts[self._open] = np.sign(demanded[self._open]) * self.supply[self._open]
         duties = volts * (FULL / self.supply)
         minimum(duties, self._duty, out=duties)
         maximum(duties, -self._duty, out=duties)

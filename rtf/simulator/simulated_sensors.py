@@ -65,8 +65,8 @@ class SimulatedSensor(Device):
         self._boards = simulation.boards
         self._deviation = np.repeat([one.noise for one in accuracies], each)
         counts = np.repeat([one.count for one in accuracies], each)
-        self._counted = np.flatnonzero(counts)
-        self._counts = counts[self._counted]
+        self._counted = counts > 0.0
+        self._counts = counts if counts.any() else None
         drift = np.repeat([one.drift for one in accuracies], each)
         self._drift = Drift(name, simulation, drift) if drift.any() else None
         self._zero = np.zeros(self._deviation.size)
@@ -99,8 +99,11 @@ class SimulatedSensor(Device):
 
     def _count(self, values: FloatArray) -> None:
         """Round numbers to whole counts, in place."""
-        if self._counted.size:
-            values[self._counted] = np.rint(values[self._counted] / self._counts) * self._counts
+        if self._counts is not None:
+            where = self._counted
+            np.divide(values, self._counts, out=values, where=where)
+            np.rint(values, out=values, where=where)
+            np.multiply(values, self._counts, out=values, where=where)
 
     def open(self, configuration: Property) -> None:
         """Do nothing: it is open from its construction."""

@@ -60,11 +60,11 @@ def test_boards_show_what_their_counts_say():
     assert rig.boards.velocity[elbow] == 0.0
     rig.boards.speeds[elbow] = 60.0
     rig.say(rig.boards.move, "l_elbow", 80.0)
-    step = 1.0 / (AXES[elbow].encoder_resolution * 0.005)
+    step = 1.0 / (AXES[elbow].encoder_resolution * 0.008)
     for _ in range(20):
         rig.run(0.02)
         shown, true = rig.boards.velocity[elbow], float(np.degrees(rig.data.actuator_velocity[elbow]))
         assert shown / step == pytest.approx(round(shown / step), abs=1e-6)
-        assert shown == pytest.approx(true, abs=step + 2.0)  # and 3.5 ms old, at up to 400 deg/s2
+        assert shown == pytest.approx(true, abs=step + 3.0)  # and 5 ms old, at up to 400 deg/s2
     motor = rig.boards.motor_motion()[1][elbow] / AXES[elbow].gearbox
-    assert motor == pytest.approx(float(np.degrees(rig.data.actuator_velocity[elbow])), abs=2.0)
+    assert motor == pytest.approx(float(np.degrees(rig.data.actuator_velocity[elbow])), abs=3.0)

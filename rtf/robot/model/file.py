@@ -241,7 +241,7 @@ class Encoders(Table, frozen=True):
     """
 
     latency: Annotated[float, Meta(ge=0.0, le=0.01)] = 0.001  # s, of the encoders of joints
-    speed_window: Annotated[float, Meta(ge=0.001, le=0.05)] = 0.005  # s
+    speed_window: Annotated[float, Meta(ge=0.001, le=0.05)] = 0.008  # s
     acceleration_window: Annotated[float, Meta(ge=0.001, le=0.05)] = 0.02  # s, of each of the two speeds
 
 

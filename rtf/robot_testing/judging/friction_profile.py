@@ -82,8 +82,9 @@ def friction_profile(
         return None
     angle = np.radians(q)
     columns = np.column_stack([np.ones(len(q)), np.sin(angle), np.cos(angle), direction, speed, acceleration])
-    values, noise, _ = robust_fit(columns[used], u[used])
+    values, _, inside = robust_fit(columns[used], _mean(u)[used])
     model: FloatArray = columns @ values
+    noise = float(np.std((u - model)[used][inside]))
     excess = (u - model) * direction - _ACCELERATION * np.abs(values[-1] * acceleration)
     table = _by_place(q, excess, number, noise)
     directions = np.array([direction[number == move][0] for move in table])
@@ -120,6 +121,16 @@ def _derivatives(values: FloatArray, period: float) -> tuple[FloatArray, FloatAr
     padded = np.pad(values, _ASIDE, mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _ASIDE + 1)
     return windows @ first, 2.0 * (windows @ second)
+
+
+def _mean(values: FloatArray) -> FloatArray:
+    """Return the means over the same states as those of the derivatives.
+
+    A board's damping comes in the steps of a count: of single states with a rare step the fit would leave those out.
+    """
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(values, _ASIDE, mode="edge"), 2 * _ASIDE + 1)
+    means: FloatArray = windows.mean(axis=-1)
+    return means
 
 
 def _by_place(q: FloatArray, excess: FloatArray, number: NDArray[np.intp], noise: float) -> dict[int, FloatArray]:

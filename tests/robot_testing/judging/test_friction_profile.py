@@ -68,3 +68,15 @@ def test_moves_in_one_direction_only_are_not_judged():
     """Weight and friction cannot be told apart."""
     time, angles, duties, moves = moved()
     assert friction_profile(time, angles, duties, moves[:1]) is None
+
+
+@pytest.mark.parametrize("share", [0.05, 0.1])
+def test_steps_of_counts_that_are_rare_are_no_outliers(share: float):
+    """A controller damps by the counts of its encoder: now and then a whole one, which is the motion's as any other."""
+    time, angles, duties, moves = moved()
+    rare = (np.arange(len(duties)) * share) % 1.0 < share
+    direction = np.where(time < moves[0][1], 1.0, -1.0)
+    stepped = duties - direction * 9.0 * (rare - share)
+    found = friction_profile(time, angles, stepped, moves)
+    assert found.friction == pytest.approx(DRY, abs=0.2)
+    assert found.sticky.more < 1.0
