@@ -31,12 +31,13 @@ def outcome(run_on_robot):
     return run_on_robot(SUITE, parts="left_arm,right_arm")
 
 
-def test_the_stiction_is_the_dry_friction_of_the_drive(outcome, measured):
+def test_the_stiction_is_the_friction_at_rest(outcome, measured):
     """Although the load of gravity is greater."""
     assert outcome.verdict("healthy") is Verdict.PASSED, outcome.detail("healthy")
     axis = AXES[INDEX["l_elbow"]]
     (found,) = measured(outcome, "healthy", "stiction")
-    assert found.value == pytest.approx(100 * axis.friction / axis.max_torque, abs=1.0)
+    at_rest = axis.friction * (1 + axis.stribeck)
+    assert found.value == pytest.approx(100 * at_rest / axis.max_torque, abs=1.2)  # the duty cycle grows in steps
     (gravity,) = measured(outcome, "healthy", "in the middle, against gravity")
     assert abs(gravity.value) > found.value
 
