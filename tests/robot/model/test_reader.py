@@ -66,6 +66,17 @@ def test_the_description_says_what_the_file_does_not(folder: Path):
     assert robot.axis("elbow").maximum == pytest.approx(130.0)
 
 
+def test_friction_at_rest_and_gears(folder: Path):
+    """Joints have more friction at rest and rigid gears, unless the file says otherwise; so do sensors."""
+    joints = JOINTS.replace("120] }", "120], stribeck = 0.0, stribeck_speed = 5.0, play = 0.5, stiffness = 800.0 }")
+    robot = read(folder, HEAD + joints + "[sensors.joint_torques]\nnoise = 0.01\n")
+    shoulder, elbow = robot.axis("shoulder"), robot.axis("elbow")
+    assert (shoulder.stribeck, shoulder.stribeck_speed, shoulder.play, shoulder.stiffness) == (0.3, 3.0, 0.0, None)
+    assert (elbow.stribeck, elbow.stribeck_speed, elbow.play, elbow.stiffness) == (0.0, 5.0, 0.5, 800.0)
+    assert (robot.sensors.joint_torques.noise, robot.sensors.joint_torques.delay) == (0.01, 0.01)
+    assert robot.sensors.encoders.speed_window == 0.008
+
+
 @pytest.mark.parametrize(
     ("text", "line", "said"),
     [
@@ -73,6 +84,8 @@ def test_the_description_says_what_the_file_does_not(folder: Path):
         (HEAD + JOINTS.replace("[0, 120]", "[0, nan]"), 12, "elbow.limits.1: expected a finite number, not nan"),
         (HEAD + JOINTS.replace("120] }", "120], gearbox = inf }"), 12, "finite number, not inf"),
         (HEAD + JOINTS.replace("120] }", "120], gearbox = 0 }"), 12, "elbow: gearbox is 0"),
+        (HEAD + JOINTS.replace("120] }", "120], play = -1 }"), 12, "play"),
+        (HEAD + JOINTS.replace("120] }", "120], stiffness = 0 }"), 12, "stiffness"),
         (HEAD.replace("max_torque = 5.0", "max_torque = 5.0\ngearbox = 0") + JOINTS, 10, "shoulder: gearbox is 0"),
         (HEAD + JOINTS.replace("120] }", "120], home = 200 }"), 12, "not within its limits"),
         (HEAD + JOINTS.replace("120] }", "120], motor = 'big' }"), 12, "none of"),
