@@ -371,10 +371,8 @@ class StepTest(RobotTest):
             CheckedValue("steady error", largest(errors), symbol, off, wrong),
             CheckedValue("ripple", largest([one.ripple for one in answers]), symbol, self.ripple, "noise"),
         ]
-        if len(cycles) > 1:
-            ways = [(one.measured - one.start) * np.sign(one.target - one.start) for one in cycles]
-            spread = spread_of([one.time for one in cycles], ways, _GRID)
-            values.append(CheckedValue("repeatability", spread, symbol, self.most_spread(joint), "irregular"))
+        if spreads := _spreads(cycles):
+            values.append(CheckedValue("repeatability", largest(spreads), symbol, self.most_spread(joint), "irregular"))
         widths = [one.bandwidth for one in answers]
         if all(map(math.isfinite, widths)):
             values.append(CheckedValue("bandwidth", min(widths), "Hz"))
@@ -384,6 +382,19 @@ class StepTest(RobotTest):
         """Return the greatest deviation of a joint's steps from each other."""
         del joint
         return self.repeatability
+
+
+def _spreads(cycles: list[Cycle]) -> list[float]:
+    """Return how much the steps of each direction deviate from each other, where there are several.
+
+    What both directions have in common, such as an offset, makes them different, and is judged by other values.
+    """
+    spreads = []
+    for sign in (1.0, -1.0):
+        alike = [one for one in cycles if (one.target - one.start) * sign > 0]
+        if len(alike) > 1:
+            spreads.append(spread_of([one.time for one in alike], [one.measured - one.start for one in alike], _GRID))
+    return spreads
 
 
 def _lowest(cycles: list[Cycle]) -> float:

@@ -202,3 +202,15 @@ def test_a_dangerous_step_is_refused(monkeypatch, name, height, most, simulated)
     test.step = float(most.split()[0])
     with pytest.raises(Chosen):
         test.setup()
+
+
+def test_steps_of_one_direction_are_compared_with_each_other(judging):
+    """An offset that those up and those down have in common is judged by other values."""
+    up = cycle(0.0)
+    down = up._replace(measured=0.4 - up.measured, commanded=-up.commanded, target=-1.0)
+    judging.steady_error = judging.band = 0.5
+    values = {one.name: one for one in judging.values(0, [up._replace(measured=up.measured + 0.4), down, down])}
+    assert values["repeatability"].value == pytest.approx(0.0, abs=1e-9)
+    apart = {one.name: one for one in judging.values(0, [up, down, up._replace(measured=up.measured + 0.4)])}
+    assert apart["repeatability"].wrong
+    assert "repeatability" not in {one.name for one in judging.values(0, [up, down])}
