@@ -29,7 +29,7 @@ _ALIVE, _MISSED = 2.0, 3
 _AGAIN = 2.0
 #: Sessions of a connection. The server of OpenSSH allows ten, unless its MaxSessions is another number.
 SESSIONS = 8
-_HOST = re.compile(r"[0-9A-Za-z_.:@%][0-9A-Za-z_.:@%-]*")
+_HOST = re.compile(r"[0-9A-Za-z_.:%][0-9A-Za-z_.:%-]*")
 
 
 class Line:
@@ -62,7 +62,7 @@ class Lines:
 
     def __init__(self, host: str) -> None:
         if not _HOST.fullmatch(host):
-            raise DeployerError(f"{host!r} is not the name of a machine")
+            raise DeployerError(f"{host!r} is not the name of a machine; its user is in ~/.ssh/config")
         self._host = host
         self._lines: list[Line] = []
         self._connecting = asyncio.Lock()
