@@ -86,7 +86,7 @@ export class AppPanel {
       const remove = h("button", { type: "button", class: "quiet", text: "Wait no more", "aria-label": visible(`wait no more for ${texts.port}`), on: { click: () => edit(now().filter((_, at) => at !== index)) } });
       return h("fieldset", {}, free(texts.port, "legend", { class: "mono" }), DEPENDENCY.map(([name, label]) => textField(name, label, texts[name], set)), remove);
     });
-    const add = h("button", { type: "button", text: "Wait for a port", on: { click: () => this.page.askToWait() } });
+    const add = h("button", { type: "button", text: "Wait for a port…", on: { click: () => this.page.askToWait() } });
     return [h("h3", { text: "Waits for" }), h("form", { class: "fields", on: { submit: (event) => event.preventDefault() } }, several, h("p", {}, add))];
   }
 

@@ -280,11 +280,13 @@ def test_the_page_is_accessible(lab: Callable[[str], Lab], visit: Any, barriers:
     """axe-core finds no violation: with problems, a selection, each list and each dialog."""
     content = (
         "<application><name>lab</name><module><name>tail</name><node>pc1</node></module><module><name>sleep</name>"
-        "</module><connection><from>/voice/out</from><to>/gaze/in</to><protocol>typ</protocol></connection></application>"
+        "<dependencies><port>/x</port></dependencies></module><connection><from>/voice/out</from><to>/gaze/in</to><protocol>typ</protocol></connection></application>"
     )
     page = visit(lab(content).address, dark=dark)
     page.get_by_role("button", name="sleep", exact=True).click()
-    found = []
+    page.get_by_role("button", name="Wait for a port").click()
+    found = [f"dependency: {barrier}" for barrier in barriers(page)]
+    page.keyboard.press("Escape")
     for name in ("What happened", "Nodes", "Connections", "Modules", "Problems"):
         page.get_by_role("tab", name=name).click()
         found += [f"{name}: {barrier}" for barrier in barriers(page)]
