@@ -12,6 +12,7 @@ from rtf.cli.can.options import addresses, bus_parser, open_bus
 from rtf.cli.network.ports import Table, show, show_live
 from rtf.cli.network.terminal import say
 from rtf.cli.parser import seconds
+from rtf.robot.devices.can.bus import LoadMeter
 from rtf.robot.devices.can.frame_bits import frame_bits
 from rtf.robot.devices.can.listener import Listener, described
 from rtf.robot.devices.can.messages import Frame
@@ -80,10 +81,10 @@ def _lines(bus: CanBus, options: argparse.Namespace, deadline: clock.Deadline) -
 def _tables(bus: CanBus, options: argparse.Namespace, deadline: clock.Deadline) -> Iterator[list[Table]]:
     """Yield a table of all identifiers, with the latest message of each, again and again."""
     listener, before = Listener(options.foc), dict[int, int]()
-    looked = clock.monotonic()
+    looked, meter = clock.monotonic(), LoadMeter(bus)
     while not deadline.expired:
         clock.sleep(min(_LOOK, deadline.remaining()))
-        now, load = clock.monotonic(), bus.load()
+        now, load = clock.monotonic(), meter.load()
         title = f"{bus.name}: load {load.share:.1%}, {load.rate:.0f} frames/s{', OFF' if bus.off else ''}"
         table = Table(("ID", "FRAMES", "FRAMES/S", "LATEST"), numbers=_NUMBERS, title=title)
         for number, one in sorted(bus.traffic.items()):

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from rtf.bottle import Property
+    from rtf.bottle import Bottle, Property
     from rtf.robot.device import Device
     from rtf.robot.devices.board_axes import BoardAxis
     from rtf.robot.extended_state import ExtendedState
@@ -142,6 +142,10 @@ class BoardDriver(DeviceProvider):
     def stamp(self, now: float) -> float:
         """Return when the latest measurements were made (s); ``now`` is when they were read."""
         return now
+
+    def variables(self) -> dict[str, Bottle]:
+        """Return remote variables of the hardware, beside those of all boards. May be called from any thread."""
+        return {}
 
     def reset_controller(self, axis: int) -> None:
         """Reset the integral of the position controller of an axis; for hardware that can."""

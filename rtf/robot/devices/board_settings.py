@@ -207,12 +207,13 @@ class BoardSettings(
         return found
 
     def _variables(self) -> dict[str, Bottle]:
-        """Return the variables that all boards have: couplings, block by block, and settings of all joints."""
+        """Return the variables: couplings, block by block, settings of all joints, and what the driver has."""
         board, own = self.board, self.own
         return {
             "kinematic_mj": Bottle([Bottle(block.ravel().tolist()) for block in self._coupling_blocks()]),
             "torqueControlEnabled": Bottle([Bottle([int(flag) for flag in board.torque_controlled[own].tolist()])]),
             "temperatureLimit": Bottle([Bottle(board.temperature_limit[own].tolist())]),
+            **board.driver.variables(),
         }
 
     def _coupling_blocks(self) -> list[FloatArray]:

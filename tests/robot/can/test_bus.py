@@ -12,7 +12,7 @@ from can.interfaces.virtual import VirtualBus
 
 from rtf import clock
 from rtf.bottle import Property
-from rtf.robot.devices.can.bus import CanBus, share, unshare
+from rtf.robot.devices.can.bus import CanBus, LoadMeter, share, unshare
 from rtf.robot.devices.can.bus_settings import BusSettings, bus_settings
 from rtf.robot.devices.can.frame_bits import frame_bits
 from rtf.robot.devices.can.interfaces import open_interface
@@ -91,11 +91,11 @@ def test_load_is_that_of_the_bits(pair: tuple[CanBus, CanBus]):
     done = threading.Event()
     there.subscribe(lambda _frame, _stamp: done.set(), [0x001])
     begin = clock.monotonic()
-    there.load()
+    meter = LoadMeter(there)
     here.send(*[PING] * 50)
     here.send(Frame(0x001, b""))
     assert done.wait(PATIENCE)
-    load = there.load()
+    load = meter.load()
     seconds = clock.monotonic() - begin
     least = (50 * frame_bits(PING) + frame_bits(Frame(1, b""))) / 1e6 / seconds
     assert least <= load.share

@@ -34,7 +34,7 @@ def sent(draw: st.DrawFn) -> tuple[Message, int, int, tuple[float | bytes, ...]]
     """A message with a board, an axis and values."""
     message = draw(st.sampled_from(MESSAGES))
     board = HOST if message in motor.SETPOINTS else draw(st.integers(1, 14))
-    axis = draw(st.integers(0, 1)) if message.polled and message.kind == 0 else 0
+    axis = draw(st.integers(0, 1)) if message.kind in (0, 2) else 0
     return message, board, axis, tuple(draw(values_of(one)) for one in message.fields)
 
 

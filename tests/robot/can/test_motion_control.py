@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf import clock
-from rtf.bottle import Property
+from rtf.bottle import Bottle, Property
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.device import make_device
+from rtf.robot.devices.can import motor_messages as motor
 from rtf.robot.devices.can.bus_settings import BusSettings
 from rtf.robot.devices.can.codes import BoardMode, BoardType, FocFault, JointFault
 from rtf.robot.devices.control_board import ControlBoard
@@ -211,6 +212,16 @@ def test_a_calibration_ends_with_that_of_the_board(arm: ControlBoard, joints: tu
     joints[0].status()
     soon(lambda: arm.control_modes()[0] is ControlMode.POSITION)
     soon(lambda: joints[0].mode[0] is BoardMode.POSITION)
+
+
+def test_boards_and_bus_are_variables(arm: ControlBoard, joints: tuple[ScriptedBoard, ...]):
+    """Types, versions and errors of the boards, and load and counters of the bus, can be asked for, by clients too."""
+    joints[0].send(motor.STATUS, 0, BoardMode.POSITION, 0, BoardMode.POSITION, 0, 0, 4, 5)
+    soon(lambda: arm.variable("canBoards") == Bottle.parse('(3 MC_4DC "1.2.3" "1.6" 4 5) (4 MC_4DC "1.2.3" "1.6" 0 0)'))
+    soon(lambda: float(arm.variable("canBus").find("load")) > 0)
+    counted = Property.from_bottle(arm.variable("canBus"))
+    assert counted.find("received") > 0
+    assert counted.find("bus_off") == 0
 
 
 def test_closing_switches_off(joints: tuple[ScriptedBoard, ...], channel: str):

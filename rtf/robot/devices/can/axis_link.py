@@ -47,6 +47,7 @@ class Feedback:
     mode: int = BoardMode.UNKNOWN
     faults: int = 0
     warnings: tuple[str, ...] = ()
+    errors: tuple[int, int] = (0, 0)  # of transmission and of reception, as the board counts them
 
 
 class AxisLink(ABC):

@@ -33,6 +33,8 @@ _BUS_OFF, _RESTARTED = 0x040, 0x100  # bits of error frames, from Linux' can/err
 _WAIT, _WAIT_TO_SEND = 0.05, 0.002
 #: Seconds until a bus that is lost is opened again: the first time, and at most.
 _FIRST_RETRY, _LAST_RETRY = 0.05, 2.0
+#: The shortest time of a load, s.
+_SHORTEST = 1e-6
 #: So many errors of reading in a row, and the interface is taken for lost.
 _LOST = 10
 #: The time stamps of an interface are used if they are at most so many seconds from now; some count from its own start.
@@ -99,7 +101,6 @@ class CanBus:
         self._failures = 0
         self._retry = _FIRST_RETRY
         self._open_again: clock.Deadline | None = None
-        self._measured: tuple[float, dict[int, int]] = (clock.monotonic(), {})
         self._ended = threading.Event()
         self._bus: can.BusABC = opener(settings)
         self._thread: threading.Thread | None = None
@@ -318,17 +319,25 @@ class CanBus:
             self._told = sentence
             self._report(sentence)
 
-    # Load ------------------------------------------------------------------------------------------------------------
+
+class LoadMeter:
+    """Measures the load of a bus, from the construction on. Not thread-safe."""
+
+    def __init__(self, bus: CanBus) -> None:
+        self._bus = bus
+        self._begin, self._before = self._look()
+
+    def _look(self) -> tuple[float, dict[int, int]]:
+        return clock.current().now(), {number: one.frames for number, one in list(self._bus.traffic.items())}
 
     def load(self) -> Load:
-        """Return the load since the last call. Each identifier is counted with the length of its last frame."""
-        now, frames = clock.monotonic(), {number: one.frames for number, one in list(self.traffic.items())}
-        begin, before = self._measured
-        self._measured = now, frames
-        seconds = max(now - begin, 1e-6)
+        """Return the load since the last call, in the robot's time; an identifier counts as long as its last frame."""
+        (begin, before), (now, frames) = (self._begin, self._before), self._look()
+        self._begin, self._before = now, frames
+        seconds = max(now - begin, _SHORTEST)
         new = {number: total - before.get(number, 0) for number, total in frames.items()}
-        bits = sum(more * frame_bits(Frame(number, self.traffic[number].data)) for number, more in new.items())
-        return Load(bits / seconds / self.settings.bitrate, sum(new.values()) / seconds)
+        bits = sum(more * frame_bits(Frame(number, self._bus.traffic[number].data)) for number, more in new.items())
+        return Load(bits / seconds / self._bus.settings.bitrate, sum(new.values()) / seconds)
 
 
 def _identifier(frame: Frame) -> int:

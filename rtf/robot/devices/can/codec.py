@@ -27,7 +27,7 @@ def dialect_of(board: int) -> Dialect:
 class Decoded(NamedTuple):
     """A message that has arrived: who sent it to whom, for which axis, and the values of its fields as they were sent.
 
-    The destination of a periodic message is ``EVERYONE``. The axis is 0 for all but commands of motors.
+    The destination of a periodic message is ``EVERYONE``, and its axis 0.
     """
 
     message: Message
@@ -86,9 +86,7 @@ def decode(identifier: int, data: bytes, dialect: Dialect = Dialect.JOINT) -> De
             raise MessageError(f"the frame {identifier:03X} has no data; it begins with a command")
         destination, reply, code, start = low, source != HOST, data[0], 1
         if kind != _MANAGEMENT:
-            if not kind:
-                axis = code >> 7
-            code &= ~AXIS_BIT
+            axis, code = code >> 7, code & ~AXIS_BIT
     else:
         destination, reply, code = EVERYONE, False, low
     found = _TABLES[dialect].get(kind << 13 | reply << 12 | code << 4 | size)

@@ -201,6 +201,7 @@ class JointLink(AxisLink):
         elif code == motor.STATUS.code:
             feedback.faults, feedback.mode = values[2 * index : 2 * index + 2]  # type: ignore[assignment]
             feedback.warnings = _warnings(*values[4:6])  # type: ignore[arg-type]
+            feedback.errors = values[6:8]  # type: ignore[assignment]
 
 
 def _warnings(can_state: int, board_state: int) -> tuple[str, ...]:

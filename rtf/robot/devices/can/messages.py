@@ -144,7 +144,8 @@ class Message:
         """Return the frame with these values of the fields, in their order.
 
         ``board`` is the address of the board that gets or sends it, 0 to 15; ``axis`` is 0 or 1, and counts for
-        commands to motors. Raises MessageError for a value that does not fit: nothing is cut off, and no integer wraps.
+        polled messages of motors and sensors. Raises MessageError for a value that does not fit: nothing is cut off,
+        and no integer wraps.
         """
         kind = self.kind
         if not 0 <= board <= EVERYONE or not 0 <= axis <= 1:
@@ -153,7 +154,7 @@ class Message:
             pack = self._pack or self._pack_text(values)
             if kind not in POLLING:
                 return Frame(kind << 8 | board << 4 | self.code, pack(*values))
-            command = self.code | AXIS_BIT if axis and not kind else self.code
+            command = self.code | AXIS_BIT if axis and kind is not MessageClass.MANAGEMENT else self.code
             return Frame(kind << 8 | (board << 4 if self.reply else board), pack(command, *values))
         except (struct.error, OverflowError, TypeError) as error:
             raise MessageError(self._unsuitable(values)) from error

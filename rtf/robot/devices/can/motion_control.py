@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
 from rtf import clock
+from rtf.bottle import Bottle
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.devices.board_driver import BoardDriver
 from rtf.robot.devices.can.axis_link import NEVER
 from rtf.robot.devices.can.axis_settings import CanSettings, can_settings
-from rtf.robot.devices.can.bus import CanBus, share, unshare
+from rtf.robot.devices.can.bus import CanBus, Load, LoadMeter, share, unshare
 from rtf.robot.devices.can.bus_settings import bus_settings
 from rtf.robot.devices.can.codec import decode
 from rtf.robot.devices.can.codes import FOC_BOARDS, JOINT_BOARDS, BoardMode
@@ -44,6 +45,8 @@ _SETPOINT_PERIOD = 0.01
 #: Seconds that a calibration may take, and of the pause after it.
 _CALIBRATION = (20.0, 0.01)
 _UNCONFIGURED = frozenset({BoardMode.NOT_CONFIGURED, BoardMode.CONFIGURED})
+#: Seconds between two measurements of the load.
+_LOAD_PERIOD = 1.0
 #: Seconds between two attempts to have silent boards send again.
 _ASK_AGAIN = 0.5
 
@@ -61,6 +64,9 @@ class CanMotionControl(BoardDriver):
     def __init__(self) -> None:
         self._bus: CanBus | None = None
         self._exchange: Exchange | None = None
+        self._meter: LoadMeter | None = None
+        self._load = Load(0.0, 0.0)
+        self._measured = NEVER
         self._end: Callable[[], None] | None = None
         self._links: list[AxisLink] = []
         self._of_board: dict[int, list[AxisLink]] = {}
@@ -76,6 +82,7 @@ class CanMotionControl(BoardDriver):
         """Open the bus, find the boards, and wait for their first positions."""
         settings = can_settings(configuration)
         self._bus = share(bus_settings(configuration), self.report)
+        self._meter = LoadMeter(self._bus)
         try:
             exchange = self._exchange = Exchange(self._bus, settings.timeout, settings.retries)
             self.versions = {board: _version(exchange, board) for board in settings.boards}
@@ -202,7 +209,35 @@ class CanMotionControl(BoardDriver):
                 self.report(
                     f"board {link.board} reports: {', '.join(link.feedback.warnings) or 'no warnings any more'}"
                 )
+        if self._meter is not None and now - self._measured >= _LOAD_PERIOD:
+            self._measured, self._load = now, self._meter.load()
         self._check_silence(bus, now)
+
+    def variables(self) -> dict[str, Bottle]:
+        """Return ``canBoards``, what each board is, and ``canBus``, the load of the bus and what has happened on it.
+
+        A board is its address, type, firmware, protocol, and errors of transmission and reception; the bus is pairs of
+        a name and a number, with the load as a share of its bits in the latest second.
+        """
+        bus = self._bus
+        if bus is None:
+            return {}
+        errors = {link.board: link.feedback.errors for link in self._links}
+        boards = [
+            Bottle(
+                [
+                    number,
+                    one.type_name,
+                    one.firmware_text,
+                    ".".join(map(str, one.protocol)),
+                    *errors.get(number, (0, 0)),
+                ]
+            )
+            for number, one in self.versions.items()
+        ]
+        counted = {"load": self._load.share, "rate": self._load.rate, **asdict(bus.counters)}
+        pairs = [Bottle([name, number]) for name, number in counted.items()]
+        return {"canBoards": Bottle(boards), "canBus": Bottle([Bottle(["name", bus.name]), *pairs])}
 
     def stamp(self, now: float) -> float:
         """Return the mean time of the frames with the latest positions."""

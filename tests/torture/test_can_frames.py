@@ -1,0 +1,18 @@
+"""Random frames for the decoder, fewer than ``run_can_frames`` has, and frames through a bus."""
+
+from __future__ import annotations
+
+import pytest
+
+from .run_can_frames import fuzz, through_a_bus
+
+
+@pytest.mark.fuzz
+def test_random_frames_are_messages_or_are_refused():
+    """Nothing but MessageError is raised, and a message has the same bytes again."""
+    assert fuzz(20_000, seed=0) > 500
+
+
+def test_no_frame_is_lost_on_a_bus():
+    """All frames that one end sends without a pause arrive at the other."""
+    assert through_a_bus(3000) > 0
