@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rtf.robot_testing.proof.claims import Claim, Claims, Reason
 
 #: Faults of these layers end the simulator, which the other cases share; the tests of the fixture cover them.
-_NOT_IN_SUITES = frozenset({Layer.PROCESS})
+_NOT_IN_SUITES = frozenset({Layer.PROCESS, Layer.BUS})  # the robot ends; the robot of the proof has no buses
 
 #: The tests that need a simulator with cameras.
 _WITH_CAMERAS = ("CameraMotion", "CameraTest", "RgbdTest")

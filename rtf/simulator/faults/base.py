@@ -27,6 +27,7 @@ class Layer(Enum):
     CONFIGURATION = "configuration"
     SENSOR = "sensor"
     CAMERA = "camera"
+    BUS = "bus"
     NETWORK = "network"
     PROCESS = "process"
 
@@ -42,6 +43,8 @@ class Target(Enum):
     BATTERY = "the battery: battery"
     SKIN = "a patch of skin, such as left_hand"
     PORT = "a port that publishes, such as /icubSim/head/state:o"
+    BUS = "a CAN bus, such as left_arm0"
+    CAN_BOARD = "a board on a CAN bus, such as left_arm0:2"
     ROBOT = "the robot: no name"
 
 

@@ -9,6 +9,7 @@ from rtf.robot.errors import RefusedError
 from rtf.simulator.faults import (
     amplifiers,
     boards,
+    can_bus,
     depth,
     encoder_errors,
     encoders,
@@ -38,6 +39,7 @@ KINDS: Mapping[str, type[Fault]] = {
         encoder_errors,
         wiring,
         boards,
+        can_bus,
         sensors,
         sensor_scale,
         skin,

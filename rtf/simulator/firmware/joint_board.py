@@ -78,7 +78,7 @@ class JointBoard(JointBoardState):
             self.rejected += 1
             return
         handler = HANDLERS.get(message.message.name)
-        if handler is None or message.axis >= len(self.axes):
+        if handler is None or message.axis >= len(self.axes) or message.message.name in self.ignored:
             self.rejected += 1
             return
         handler(self, message.axis, message.values)

@@ -50,6 +50,7 @@ class JointBoardState:
         self.board_type = board_type
         self.firmware, self.protocol = (3, 5, 0), (1, 6)
         self.rejected = 0
+        self.ignored: set[str] = set()  # the names of messages that a faulty board does not obey
         self.flash: tuple[dict[str, tuple[float | bytes, ...]], ...] = tuple(
             {m.MODEL_PARAMETERS.set.name: feedforward_of(boards.pids[axis], float(boards.resolution[axis]))}
             for axis in axes

@@ -184,11 +184,15 @@ class Wire:
         for faulty in self.filters:
             frames = [after for before in frames for after in faulty(before, time)]
         for each in frames:
-            for receiver in self._receivers(each[0]):
-                if receiver is not sender and not receiver.off:
-                    if receiver.receiver_errors:
-                        receiver.receiver_errors -= 1
-                    receiver.node.receive(each, time)
+            self.hand_over(each, time, sender)
+
+    def hand_over(self, frame: Frame, time: float, sender: Connection | None = None) -> None:
+        """Give a frame to the nodes that it is for, but its sender."""
+        for receiver in self._receivers(frame[0]):
+            if receiver is not sender and not receiver.off:
+                if receiver.receiver_errors:
+                    receiver.receiver_errors -= 1
+                receiver.node.receive(frame, time)
 
     def _receivers(self, identifier: int) -> list[Connection]:
         """Return the nodes that take frames with an identifier: boards take requests and setpoints only."""

@@ -9,100 +9,36 @@ import pytest
 
 from rtf.robot.devices.can import motor_messages as m
 from rtf.robot.devices.can import sensor_messages as s
-from rtf.robot.devices.can.codec import Decoded, decode
 from rtf.robot.devices.can.codes import BoardMode, BoardType, JointFault
 from rtf.robot.devices.can.messages import Frame
 from rtf.robot.model import load_robot
-from rtf.simulator.firmware.boards_on_buses import Firmware
-from rtf.simulator.firmware.parameters import FULL_OUTPUT, SETTINGS
+from rtf.simulator.firmware.parameters import SETTINGS
 from rtf.simulator.plant import Options, build
 from rtf.simulator.simulation import Simulation
 
+from .can_bench import CanBench
+
 if TYPE_CHECKING:
-    from rtf.robot.devices.can.messages import Message, Question, Setting
-
-ADDRESS = 1
-
-
-class Bench:
-    """The bench with two joints, its board, and a host on the bus."""
-
-    address = None
-
-    def __init__(self) -> None:
-        self.simulation = Simulation(build(load_robot("bench"), Options()))
-        self.firmware = Firmware(self.simulation)
-        (self.wire,) = self.firmware.wires.values()
-        (self.board,) = self.firmware.boards
-        self.connection = self.wire.attach(self)
-        self.got: list[tuple[float, Decoded]] = []
-
-    def receive(self, frame: Frame, time: float) -> None:
-        """Keep a message."""
-        self.got.append((time, decode(frame.identifier, frame.data)))
-
-    def run(self, seconds: float) -> None:
-        """Simulate."""
-        self.simulation.advance(self.simulation.now + seconds)
-
-    def send(self, message: Message, *values: float | bytes, axis: int = 0) -> None:
-        """Send a command, which has arrived afterwards."""
-        self.connection.send(message.frame(ADDRESS, *values, axis=axis))
-        self.run(0.002)
-
-    def ask(self, question: Question | Setting, *values: float | bytes, axis: int = 0) -> tuple[float | bytes, ...]:
-        """Return the one answer to a question."""
-        self.got.clear()
-        self.send(question.get, *values, axis=axis)
-        self.run(0.002)
-        answers = [one for _, one in self.got if one.message.name == question.value.name]
-        assert [one.axis for one in answers] == [axis]
-        return answers[0].values
-
-    def messages(self, message: Message) -> list[tuple[float, tuple[float | bytes, ...]]]:
-        """Return times and values of all messages of a kind."""
-        return [(time, one.values) for time, one in self.got if one.message.name == message.name]
-
-    def configure(self) -> None:
-        """Give both axes gains and limits."""
-        for axis in (0, 1):
-            own = self.simulation.boards.pids[axis]
-            ticks = self.ticks(axis)
-            per_tick = FULL_OUTPUT / 100.0 / ticks
-            scaled = [round(gain * per_tick * 2**4) for gain in (own.kp, own.ki / 1e3, own.kd * 1e3)]
-            self.send(m.POSITION_PID.set, *scaled, 4, axis=axis)
-            self.send(m.POSITION_LIMITS.set, 0, FULL_OUTPUT, FULL_OUTPUT, axis=axis)
-            minimum, maximum = self.simulation.boards.minimum[axis], self.simulation.boards.maximum[axis]
-            self.send(m.MIN_POSITION.set, round(minimum * ticks), axis=axis)
-            self.send(m.MAX_POSITION.set, round(maximum * ticks), axis=axis)
-
-    def ticks(self, axis: int) -> float:
-        """The ticks of the encoder of a joint a degree."""
-        return float(self.simulation.boards.resolution[axis])
-
-    def mode(self, axis: int = 0) -> int:
-        """The mode that the board shows."""
-        (mode,) = self.ask(m.CONTROL_MODE, axis=axis)
-        return int(mode)
+    pass
 
 
 @pytest.fixture
-def bench() -> Bench:
+def bench() -> CanBench:
     """A board after power-up."""
-    return Bench()
+    return CanBench()
 
 
 @pytest.fixture
-def ready() -> Bench:
+def ready() -> CanBench:
     """A board that is configured, and holds its joints."""
-    bench = Bench()
+    bench = CanBench()
     bench.configure()
     for axis in (0, 1):
         bench.send(m.SET_CONTROL_MODE, BoardMode.POSITION, axis=axis)
     return bench
 
 
-def test_a_board_without_gains_and_limits_has_no_power(bench: Bench):
+def test_a_board_without_gains_and_limits_has_no_power(bench: CanBench):
     """It is idle and refuses every mode with power, until gains and limits have been received."""
     assert bench.mode() == BoardMode.IDLE
     bench.send(m.SET_CONTROL_MODE, BoardMode.POSITION)
@@ -113,7 +49,7 @@ def test_a_board_without_gains_and_limits_has_no_power(bench: Bench):
     assert bench.mode(axis=1) == BoardMode.IDLE
 
 
-def test_settings_are_read_back_as_they_were_written(bench: Bench):
+def test_settings_are_read_back_as_they_were_written(bench: CanBench):
     """Every setting, of each axis by itself; single gains are those of the controller."""
     live = {m.DESIRED_POSITION.set.name, m.DESIRED_VELOCITY.set.name, m.BOARD_ID.set.name, m.INFORMATION.set.name}
     for setting in SETTINGS:
@@ -130,7 +66,7 @@ def test_settings_are_read_back_as_they_were_written(bench: Bench):
     assert bench.ask(m.I_GAIN) == (2,)
 
 
-def test_gains_of_a_board_are_those_of_the_controller(ready: Bench):
+def test_gains_of_a_board_are_those_of_the_controller(ready: CanBench):
     """The gains that were sent, in whole numbers, are those of the robot within their rounding."""
     built = Simulation(build(load_robot("bench"), Options())).boards.pids[0]
     sent = ready.simulation.boards.pids[0]
@@ -139,7 +75,7 @@ def test_gains_of_a_board_are_those_of_the_controller(ready: Bench):
     assert sent.max_output == pytest.approx(100.0)
 
 
-def test_a_position_move_takes_the_time_of_its_numbers_and_arrives(ready: Bench):
+def test_a_position_move_takes_the_time_of_its_numbers_and_arrives(ready: CanBench):
     """100 * |distance| / speed ms; the target is clipped to the limits."""
     ticks = ready.ticks(0)
     here, _ = ready.ask(m.ENCODER)
@@ -158,7 +94,7 @@ def test_a_position_move_takes_the_time_of_its_numbers_and_arrives(ready: Bench)
     assert ready.ask(m.POSITION_REFERENCE) == (most,)
 
 
-def test_commands_in_another_mode_are_ignored(ready: Bench):
+def test_commands_in_another_mode_are_ignored(ready: CanBench):
     """A board in position mode obeys position moves only, and one that is idle nothing."""
     (before,) = ready.ask(m.POSITION_REFERENCE)
     ready.send(m.COMMAND_POSITION, 1000)
@@ -174,7 +110,7 @@ def test_commands_in_another_mode_are_ignored(ready: Bench):
     assert ready.ask(m.POSITION_REFERENCE) != (2000,)
 
 
-def test_a_velocity_ends_with_its_watchdog(ready: Bench):
+def test_a_velocity_ends_with_its_watchdog(ready: CanBench):
     """A joint whose host is silent for longer than the time-out comes to rest."""
     ready.send(m.SET_CONTROL_MODE, BoardMode.VELOCITY)
     ready.send(m.VELOCITY_TIMEOUT, 100)
@@ -192,7 +128,7 @@ def test_a_velocity_ends_with_its_watchdog(ready: Bench):
     assert abs(float(second) - float(first)) < ready.ticks(0) / 10
 
 
-def test_broadcasts_are_those_of_the_mask_at_their_times(ready: Bench):
+def test_broadcasts_are_those_of_the_mask_at_their_times(ready: CanBench):
     """Nothing is broadcast until the host asks; positions come every cycle, the status at once and every 5 s."""
     ready.got.clear()
     ready.run(0.1)
@@ -211,7 +147,7 @@ def test_broadcasts_are_those_of_the_mask_at_their_times(ready: Bench):
     assert status[:4] == (0, BoardMode.POSITION, 0, BoardMode.IDLE)
 
 
-def test_a_fault_is_shown_and_left_by_force_idle_only(ready: Bench):
+def test_a_fault_is_shown_and_left_by_force_idle_only(ready: CanBench):
     """All other requests are ignored."""
     ready.send(m.BROADCASTS, 0b100)
     ready.send(m.CURRENT_LIMIT, 0)
@@ -225,7 +161,7 @@ def test_a_fault_is_shown_and_left_by_force_idle_only(ready: Bench):
     assert ready.mode() == BoardMode.IDLE
 
 
-def test_version_and_discovery(bench: Bench):
+def test_version_and_discovery(bench: CanBench):
     """A protocol is acknowledged if its major version is equal and its minor one not newer."""
     assert bench.ask(m.VERSION, 1, 6)[-1] == 1
     assert bench.ask(m.VERSION, 1, 7)[-1] == 0
@@ -233,19 +169,19 @@ def test_version_and_discovery(bench: Bench):
     assert bench.ask(s.DISCOVER)[0] == BoardType.BLL
 
 
-def test_frames_that_are_no_messages_are_dropped(ready: Bench):
+def test_frames_that_are_no_messages_are_dropped(ready: CanBench):
     """Wrong lengths, unknown commands, an axis that does not exist: nothing is answered, nothing changes."""
     before, rejected = ready.board.status(), ready.board.rejected
     ready.got.clear()
     for data in (b"\x07\x00", b"\x7f", b"\x1b\x00", bytes(8)):
-        ready.connection.send(Frame(ADDRESS, data))
+        ready.connection.send(Frame(1, data))
     ready.run(0.01)
     assert not ready.got
     assert ready.board.status() == before
     assert ready.board.rejected == rejected + 4
 
 
-def test_a_board_in_its_loader_is_silent_until_it_is_reset(ready: Bench):
+def test_a_board_in_its_loader_is_silent_until_it_is_reset(ready: CanBench):
     """Its motors are off."""
     ready.send(s.JUMP_TO_LOADER)
     ready.got.clear()
@@ -256,7 +192,7 @@ def test_a_board_in_its_loader_is_silent_until_it_is_reset(ready: Bench):
     assert ready.mode() == BoardMode.IDLE
 
 
-def test_flash_keeps_settings_over_a_reset(ready: Bench):
+def test_flash_keeps_settings_over_a_reset(ready: CanBench):
     """What was written to flash is there after power-up; what was not is gone."""
     ready.send(m.WRITE_FLASH)
     ready.send(m.P_GAIN.set, 1234)
