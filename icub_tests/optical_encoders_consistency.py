@@ -45,6 +45,8 @@ _SPIKE, _RARE = 10.0, 0.1
 #: A delay is estimated where a joint is faster than this share of its greatest speed: there it has passed all play. Its
 #: speed is the slope over this number of states to either side, to smooth the resolution of encoders.
 _FAST, _ASIDE = 0.5, 5
+#: Speeds are compared as means of this number of states, or of fewer where there would be fewer groups.
+_TOGETHER, _GROUPS = 20, 12
 
 
 class _Data(NamedTuple):
@@ -333,7 +335,7 @@ class OpticalEncodersConsistency(JointsTest):
 
     def _judge_speed(self, joint: int, what: str, time: FloatArray, positions: FloatArray, speeds: FloatArray) -> None:
         name, limit = self.robot_part.names[joint], self.velocity_tolerance / 100.0
-        agreement = slopes_between(speeds[1:-1], _derived(time, positions)).nearest(1.0)
+        agreement = slopes_between(_means(speeds[1:-1]), _means(_derived(time, positions))).nearest(1.0)
         hint = (
             f"{name}: by its positions the {what} is {agreement:.2f} times as fast as its measured speed; "
             f"{likely_causes('ratio', 'frozen')}"
@@ -379,6 +381,17 @@ def _derived(time: FloatArray, positions: FloatArray, aside: int = 1) -> FloatAr
     gaps = time[2 * aside :] - time[: -2 * aside]
     speeds: FloatArray = (positions[2 * aside :] - positions[: -2 * aside]) / np.where(gaps > 0, gaps, np.inf)
     return speeds
+
+
+def _means(values: FloatArray) -> FloatArray:
+    """Return the means of groups of states, one after the other; what is left over at the end does not count.
+
+    Boards tell speeds in steps of a count in their window, which can be as large as the speed itself.
+    """
+    group = max(1, min(_TOGETHER, len(values) // _GROUPS))
+    rows = len(values) // group
+    means: FloatArray = values[: rows * group].reshape(rows, group).mean(axis=1)
+    return means
 
 
 def _two_sided(left: FloatArray, signal: FloatArray, share: float) -> float:

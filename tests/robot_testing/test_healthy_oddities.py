@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from contextlib import ExitStack
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -64,6 +65,21 @@ def test_a_motor_that_turns_with_another_joint_is_not_frozen():
         test._judge(0, outcome, trace)
         assert test.kept.failures == []
         assert test.kept.values["speed of the joint, derived by told"] == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize(("factor", "fails"), [(1.0, False), (0.8, True)])
+def test_speeds_in_coarse_steps_are_judged_by_their_means(factor: float, fails: bool):
+    """A motor encoder of 40 counts a turn shows none, one or two in 8 ms; only the mean is its speed."""
+    step, time = 0.18, 0.01 * np.arange(400)  # deg of the joint, behind a gear of 50
+
+    def counted(then: np.ndarray) -> np.ndarray:
+        return np.rint(10.0 * np.arcsin(np.sin(np.pi * then)) / (0.5 * np.pi) / step)
+
+    speeds = factor * step * (counted(time) - counted(time - 0.008)) / 0.008
+    test = kept_test("OpticalEncodersConsistency", robot_part=SimpleNamespace(names=["eye"]))
+    test._judge_speed(0, "motor", time, step * counted(time), speeds)
+    assert bool(test.kept.failures) is fails
+    assert test.kept.values["speed of the motor, derived by told"] == pytest.approx(1.0 / factor, rel=0.05)
 
 
 def test_frozen_stamps_are_a_failure():
