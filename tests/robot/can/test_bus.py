@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import socket
 import threading
 from queue import Queue
 from typing import TYPE_CHECKING, ClassVar
@@ -187,6 +189,32 @@ def test_datagrams_that_are_no_frames_are_counted():
     assert got.get(timeout=PATIENCE) == PING
     assert bus.counters.read_errors == 1
     raw.shutdown()
+    bus.close()
+
+
+def test_datagrams_stay_on_this_machine():
+    """A bus of datagrams is bound to the loopback device, and its datagrams live for no hop, unless asked otherwise."""
+    raw = open_interface(BusSettings("udp_multicast", "239.74.163.79", options=(("port", 43993),)))
+    with socket.socket(fileno=os.dup(raw.fileno())) as same:
+        assert same.getsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, 16) == b"lo\0"
+        assert same.getsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL) == 0
+    raw.shutdown()
+
+
+def test_interfaces_that_can_filter_do(channel: str):
+    """They get the identifiers that somebody receives, and none when somebody receives all."""
+    asked: list[object] = []
+
+    class Filtering(VirtualBus):
+        def set_filters(self, filters: can.typechecking.CanFilters | None = None) -> None:
+            asked.append(filters if filters is None else [one["can_id"] for one in filters])
+
+    bus = CanBus(BusSettings("socketcan", channel), threaded=False, opener=lambda one: Filtering(channel=one.channel))
+    asked.clear()
+    bus.subscribe(lambda _frame, _stamp: None, [0x123, 0x131])
+    end = bus.subscribe(lambda _frame, _stamp: None)
+    end()
+    assert asked == [[0x123, 0x131], None, [0x123, 0x131]]
     bus.close()
 
 

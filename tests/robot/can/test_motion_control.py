@@ -298,6 +298,15 @@ def test_other_boards_are_refused(joints: tuple[ScriptedBoard, ...], channel: st
         opened(JOINTS.replace("(CanTimeout 200)", "(CanTimeout 1) (CanRetries 2)"), channel)
 
 
+def test_an_axis_belongs_to_one_device(arm: ControlBoard, joints: tuple[ScriptedBoard, ...], channel: str):
+    """A second device on the same boards is refused, and the first one keeps its power."""
+    with pytest.raises(DeviceError, match="another device has axis 0 of board 3"):
+        opened(JOINTS, channel)
+    arm.position_move(2.0, 0)
+    soon(lambda: joints[0].latest("position_move") == (200, 100))
+    assert joints[0].mode[0] is BoardMode.POSITION
+
+
 @pytest.mark.parametrize(
     ("before", "after", "said"),
     [

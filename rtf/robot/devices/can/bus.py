@@ -17,7 +17,7 @@ from rtf import clock
 from rtf.robot.devices.can.frame_bits import frame_bits
 from rtf.robot.devices.can.interfaces import ECHOING, FILTERING, can, is_busy, open_interface
 from rtf.robot.devices.can.messages import Frame
-from rtf.robot.errors import BusError, RobotError
+from rtf.robot.errors import BusError, DeviceError, RobotError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -97,6 +97,7 @@ class CanBus:
         self._lock = threading.Lock()  # of the interface's sending side, the queue and the receivers
         self._waiting: list[tuple[int, int, float, bytes]] = []  # a heap: identifier, number, deadline, data
         self._numbers = count()
+        self._claims: dict[str, object] = {}
         self._told = ""
         self._failures = 0
         self._retry = _FIRST_RETRY
@@ -117,6 +118,22 @@ class CanBus:
     def threaded(self) -> bool:
         """Whether a thread reads the bus."""
         return self._thread is not None
+
+    def claim(self, owner: object, *what: str) -> None:
+        """Reserve axes or setpoints for one device, until it gives them up by ``disclaim``.
+
+        Raises DeviceError if another device has one of them.
+        """
+        with self._lock:
+            taken = [one for one in what if self._claims.get(one, owner) is not owner]
+            if taken:
+                raise DeviceError(f"another device has {taken[0]} on the CAN bus {self.name} already")
+            self._claims.update(dict.fromkeys(what, owner))
+
+    def disclaim(self, owner: object) -> None:
+        """Give up what a device has reserved."""
+        with self._lock:
+            self._claims = {what: of for what, of in self._claims.items() if of is not owner}
 
     def close(self) -> None:
         """End the thread and close the interface; a second call has no effect."""

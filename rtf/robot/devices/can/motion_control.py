@@ -81,12 +81,14 @@ class CanMotionControl(BoardDriver):
     def connect(self, configuration: Property) -> list[BoardAxis]:
         """Open the bus, find the boards, and wait for their first positions."""
         settings = can_settings(configuration)
+        self._links = []
         self._bus = share(bus_settings(configuration), self.report)
         self._meter = LoadMeter(self._bus)
         try:
             exchange = self._exchange = Exchange(self._bus, settings.timeout, settings.retries)
             self.versions = {board: _version(exchange, board) for board in settings.boards}
             self._link(settings)
+            self._claim(self._bus)
             self._begin(self._bus, exchange)
         except BaseException:
             self.disconnect()
@@ -112,6 +114,15 @@ class CanMotionControl(BoardDriver):
         self.measures = frozenset.intersection(*(link.measured() for link in self._links))
         common = frozenset.intersection(*(link.supported() for link in self._links))
         self.supported = common - {ControlMode.CALIBRATING} | {ControlMode.FORCE_IDLE}
+
+    def _claim(self, bus: CanBus) -> None:
+        """Reserve the axes, and the setpoints of drives, which are one frame for all. Raises DeviceError."""
+        axes = [f"axis {link.index} of board {link.board}" for link in self._links]
+        try:
+            bus.claim(self, *axes, *(["the setpoints of the drives"] if self._drives else []))
+        except DeviceError:
+            self._links = []  # which are not this device's to switch off
+            raise
 
     def _saturation(self, name: str) -> Callable[[str, float, int], None]:
         """Return what reports values that do not fit into messages, each kind once."""
@@ -162,6 +173,7 @@ class CanMotionControl(BoardDriver):
         if self._exchange is not None:
             self._exchange.close()
         self._end = self._exchange = None
+        bus.disclaim(self)
         unshare(bus)
 
     # Receiving -------------------------------------------------------------------------------------------------------

@@ -1,0 +1,28 @@
+"""The configuration on the page about CAN is one that the driver takes."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from rtf.robot.devices.can.axis_settings import can_settings
+from rtf.robot.devices.can.bus_settings import BusSettings, bus_settings
+from rtf.robot.interface.robot_reader import read_robot
+
+PAGE = Path(__file__).parents[2] / "docs" / "can.md"
+
+
+def test_the_configuration_is_taken(tmp_path: Path):
+    """The file of a robot with the device of the page has its axes, limits, scales and bus."""
+    (device,) = re.findall(r"```xml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    file = tmp_path / "robot.xml"
+    file.write_text(f'<robot name="icub" build="1" portprefix="icub"><devices>{device}</devices></robot>')
+    read = read_robot(file)
+    (entry,) = read.robot.devices
+    settings = can_settings(entry.configuration)
+    assert [one.axis.name for one in settings.axes] == ["neck_pitch", "neck_roll", "neck_yaw", "eyes_tilt"]
+    assert [(one.board, one.index) for one in settings.axes] == [(1, 0), (1, 1), (2, 0), (2, 1)]
+    assert settings.axes[3].scale.ticks == -182.044
+    assert settings.axes[0].axis.minimum == -30
+    assert settings.axes[0].scale.raw_pid(settings.axes[0].axis.pid)[:4] == (300, 1, 10, 6)
+    assert bus_settings(entry.configuration) == BusSettings("socketcan", "can0")
