@@ -25,6 +25,7 @@ from rtf.errors import RtfError
 from rtf.middleware.ports import remote
 from rtf.middleware.wire.contact import Contact
 from rtf.testing.suite.diagnostics import DiagnosticLog
+from rtf.testing.verdict import Severity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -90,7 +91,7 @@ class Manager:
         self.links = Links(application.connections, self._network, said, self._ending)
         self._pool = self._make_pool()
         try:
-            computers = find_computers(folder, log)
+            computers = self._computers(folder)
             found = [self._substituted(one, table, computers) for one in application.modules]
             placement = Placement([one.module for one in found], computers, self._deployer_of)
             needs = [() if one is None else one.needs for one in descriptions]
@@ -98,6 +99,15 @@ class Manager:
         except BaseException:
             self.close()
             raise
+
+    def _computers(self, folder: Path) -> Sequence[Computer]:
+        """Return the described machines. Raises ApplicationError if a node depends on files that cannot be read."""
+        log = DiagnosticLog()
+        found = find_computers(folder, log)
+        wrong = [one for one in log if one.severity is Severity.ERROR]
+        if wrong and any(module.anywhere for module in self.application.modules):
+            raise ApplicationError(f"a node is to be chosen among described machines, and {wrong[0]}")
+        return found
 
     def _substituted(self, module: Module, table: Mapping[str, Entry], computers: Sequence[Computer]) -> Substituted:
         found = Substituted(module) if allowed_nodes(module, computers) else substitute(module, table)

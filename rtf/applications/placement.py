@@ -53,14 +53,14 @@ class _Node:
     @property
     def load(self) -> float:
         """Running threads for each processor; high where that is not known."""
-        if not self.figures.siblings:
+        if self.figures.siblings <= 0:
             return float("inf")
         return (self.figures.load_1 + self.placed) / self.figures.siblings
 
     def __str__(self) -> str:
         """Return the figures for people."""
         figures = self.figures
-        if not figures.siblings:
+        if figures.siblings <= 0:
             return "load not known"
         more = f" and {self.placed} of these modules" if self.placed else ""
         return (

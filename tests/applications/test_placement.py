@@ -8,6 +8,7 @@ import pytest
 
 from lab import application, lab
 from rtf.applications.check import check_application
+from rtf.applications.errors import ApplicationError
 from rtf.applications.events import Kind, State
 from rtf.applications.placement import lacking, measured
 from rtf.applications.run.server import RunServer
@@ -134,6 +135,17 @@ def test_check_says_what_would_be_chosen(tmp_path: Path, network: Network):
     assert "there is no program 'nothing' on busy" in first
     assert "sleep 61 on gone away: no node is left for it: gone refused: there is no node /gone" in second
     assert check_application(app, DiagnosticLog()) == []
+
+
+def test_machines_that_cannot_be_read_are_no_reason_to_run_here(tmp_path: Path):
+    """The error has its place; an application whose modules all have nodes is not concerned."""
+    (tmp_path / "resources").mkdir()
+    (tmp_path / "resources" / "lab.xml").write_text("<resources><computer>")
+    app = application(tmp_path, anywhere("sleep 60"))
+    with pytest.raises(ApplicationError, match=r"a node is to be chosen .*/resources/lab.xml:1:"), lab(app):
+        pass
+    with lab(application(tmp_path, anywhere("sleep 60", "localhost"))) as run:
+        assert run.states() == [State.STOPPED]
 
 
 @pytest.mark.parametrize(
