@@ -359,17 +359,19 @@ class ControlledApplication:
 
     def _watch_network(self) -> None:
         """Look at connections and nodes, while somebody is interested."""
-        pause = 0.0
-        while not self._closing.wait(pause or LOOK):
-            pause = 0.0
-            if clock.monotonic() - self._asked > _ATTENTION:
-                continue
+        due = 0.0
+        while not self._closing.wait(LOOK):
             begun = clock.monotonic()
+            if begun - self._asked > _ATTENTION:
+                continue
+            self._nodes.look(self._places())  # which waits for nothing
+            if begun < due:
+                continue
             states = self._current_links().states()
             self._linked = {key_of(connection): str(state) for connection, state in states}
             self._rates = self._counted.rates([one for one, state in states if state is Link.CONNECTED])
-            self._nodes.look(self._places())
-            pause = max(_LOOK_AT_LINKS, (clock.monotonic() - begun) / _SHARE)
+            now = clock.monotonic()
+            due = now + max(_LOOK_AT_LINKS, (now - begun) / _SHARE)
 
     def _places(self) -> dict[str, Deployer | None]:
         """Return the nodes of modules, with their deployers as long as there is a manager."""
