@@ -285,6 +285,15 @@ def test_settings_that_are_not_taken_are_told(joints: tuple[ScriptedBoard, ...],
         opened(JOINTS, channel)
 
 
+def test_two_boards_with_one_address_are_told(joints: tuple[ScriptedBoard, ...], channel: str):
+    """Each question has two answers then."""
+    with (
+        closing(boards(channel, BoardType.MC_4DC, 4)[0]),
+        pytest.raises(DeviceError, match=r"two boards on virtual .* have the address 4: disconnect one"),
+    ):
+        opened(JOINTS, channel)
+
+
 def test_other_boards_are_refused(joints: tuple[ScriptedBoard, ...], channel: str):
     """A board of another type or protocol, and one that is not there, are named."""
     joints[0].kind = BoardType.STRAIN

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _IDENTIFIERS = 0x800
 _BUS_OFF, _RESTARTED = 0x040, 0x100  # bits of error frames, from Linux' can/error.h, which python-can has everywhere
 #: Seconds that a thread waits for a frame at most, and while frames wait to be sent.
-_WAIT, _WAIT_TO_SEND = 0.05, 0.002
+_WAIT, _WAIT_TO_SEND = 0.02, 0.002
 #: Seconds until a bus that is lost is opened again: the first time, and at most.
 _FIRST_RETRY, _LAST_RETRY = 0.05, 2.0
 #: The shortest time of a load, s.

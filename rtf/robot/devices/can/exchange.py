@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections import deque
+from collections import Counter, deque
 from typing import TYPE_CHECKING, NamedTuple
 
 from rtf import clock
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 TIMEOUT, RETRIES = 0.02, 3
 #: The version of the protocol that the host speaks: boards refuse to be configured by one that they do not know.
 PROTOCOL = (1, 6)
+#: The greatest identifier of an answer of a motor board.
+_LAST_OF_MOTORS = 0xFF
 #: Seconds in which boards answer a search.
 _SEARCH = 0.1
 
@@ -58,6 +60,8 @@ class Exchange:
         self._arrived = threading.Event()
         self._wanted: tuple[int, int] | None = None  # identifier and command of the answer
         self._answers: deque[Frame] = deque()
+        self._asked: Counter[int] = Counter()  # questions for the version of a board, and answers to them
+        self._told: Counter[int] = Counter()
         kinds = (MessageClass.MOTOR_POLLING, MessageClass.SENSOR_POLLING, MessageClass.MANAGEMENT)
         self._end = bus.subscribe(self._take, [kind << 8 | board << 4 for kind in kinds for board in ADDRESSES])
 
@@ -70,15 +74,18 @@ class Exchange:
     ) -> tuple[float | bytes, ...]:
         """Return the values of the answer of a board.
 
-        Raises DeviceError if it does not answer, and BusError if the question cannot be sent.
+        Where an answer repeats what was asked for, such as a channel, others are not taken for it. Raises DeviceError
+        if the board does not answer, and BusError if the question cannot be sent.
         """
         frame = question.get.frame(board, *values, axis=axis)
         spoken = dialect or _dialect(question.value)
+        repeated = values if question.repeats else ()
         with self._lock:
             for _ in range(self.retries + 1):
                 self._begin(question.value.identifier(board), frame.data[0])
+                self._asked[board] += question is VERSION
                 self.bus.send(frame)
-                answer = self._await(question.value, spoken, clock.Deadline.after(self.timeout))
+                answer = self._await(question.value, spoken, clock.Deadline.after(self.timeout), repeated)
                 if answer is not None:
                     self._wanted = None
                     return answer.values
@@ -95,6 +102,10 @@ class Exchange:
         return Version(
             board, kind, (major, minor, build), (protocol_major, protocol_minor), acknowledged=bool(acknowledged)
         )
+
+    def clashes(self) -> list[int]:
+        """Return the boards with more answers about their version than questions: two boards have this address."""
+        return sorted(board for board, answers in self._told.items() if answers > self._asked[board])
 
     def discover(self, seconds: float = _SEARCH) -> list[Version]:
         """Return all boards that answer a search, in the order of their addresses; two with one address are both there.
@@ -124,6 +135,8 @@ class Exchange:
     def _take(self, frame: Frame, stamp: float) -> None:
         """Keep an answer to the present question. Called by the thread of the bus."""
         del stamp
+        if frame.data and frame.data[0] == VERSION.value.code and frame.identifier <= _LAST_OF_MOTORS:
+            self._told[frame.identifier >> 4] += 1
         wanted = self._wanted
         if wanted is None or not frame.data or frame.data[0] != wanted[1]:
             return
@@ -131,15 +144,17 @@ class Exchange:
             self._answers.append(frame)
             self._arrived.set()
 
-    def _await(self, message: Message, dialect: Dialect, deadline: clock.Deadline) -> Decoded | None:
-        """Return the next answer that can be decoded; None after the deadline."""
+    def _await(
+        self, message: Message, dialect: Dialect, deadline: clock.Deadline, repeated: tuple[float, ...] = ()
+    ) -> Decoded | None:
+        """Return the next answer that can be decoded, and begins with these values; None after the deadline."""
         while True:
             while self._answers:
                 try:
                     got = decode(*self._answers.popleft(), dialect)
                 except MessageError:  # counted by what arrives, as another answer may be right
                     continue
-                if got.message is message:
+                if got.message is message and got.values[: len(repeated)] == repeated:
                     return got
             left = deadline.remaining()
             if not left:

@@ -247,6 +247,11 @@ class Question(NamedTuple):
     get: Message
     value: Message
 
+    @property
+    def repeats(self) -> bool:
+        """Whether the answer begins with the values of the request."""
+        return _repeats(self.get, self.value)
+
 
 class Setting(NamedTuple):
     """A command that sets something, which a board does not answer; the request of its value, and the answer."""
@@ -254,6 +259,15 @@ class Setting(NamedTuple):
     set: Message
     get: Message
     value: Message
+
+    @property
+    def repeats(self) -> bool:
+        """Whether the answer begins with the values of the request."""
+        return _repeats(self.get, self.value)
+
+
+def _repeats(request: Message, answer: Message) -> bool:
+    return bool(request.fields) and request.fields == answer.fields[: len(request.fields)]
 
 
 def question(

@@ -144,6 +144,11 @@ class CanMotionControl(BoardDriver):
             if isinstance(link, JointLink):
                 bus.send(SET_BROADCASTS.frame(link.board, BROADCASTS))
             exchange.ask(link.mode_question, link.board, axis=link.index)
+        if clashes := exchange.clashes():
+            raise DeviceError(
+                f"two boards on {bus.name} have the address {', '.join(map(str, clashes))}: disconnect one, and give "
+                "it another one"
+            )
         deadline = clock.Deadline.after(FIRST_POSITIONS)
         while any(link.feedback.stamp == NEVER for link in self._links):
             if deadline.expired:
