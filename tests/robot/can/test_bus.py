@@ -14,7 +14,9 @@ from can.interfaces.virtual import VirtualBus
 
 from rtf import clock
 from rtf.bottle import Property
+from rtf.robot.device import make_device
 from rtf.robot.devices.can.bus import CanBus, LoadMeter, share, unshare
+from rtf.robot.devices.can.bus_device import CanBusDevice
 from rtf.robot.devices.can.bus_settings import BusSettings, bus_settings
 from rtf.robot.devices.can.frame_bits import frame_bits
 from rtf.robot.devices.can.interfaces import open_interface
@@ -231,6 +233,26 @@ def test_devices_share_a_bus(channel: str):
     third = share(settings, print)
     assert third is not first
     unshare(third)
+    ports = [
+        share(BusSettings("udp_multicast", "239.74.163.80", options=(("port", port),)), print)
+        for port in (43994, 43995)
+    ]
+    assert [bus.name for bus in ports] == ["udp_multicast 239.74.163.80:43994", "udp_multicast 239.74.163.80:43995"]
+    for bus in ports:
+        unshare(bus)
+
+
+def test_the_device_keeps_a_bus_open(channel: str):
+    """``canBus`` has the bus of its group CAN while it is open; devices on the bus share it."""
+    device = make_device("canBus", Property.parse(f"(CAN (interface virtual) (channel {channel}))"))
+    assert isinstance(device, CanBusDevice)
+    shared = share(BusSettings("virtual", channel), print)
+    assert device.bus is shared
+    unshare(shared)
+    device.bus.send(PING)
+    device.close()
+    with pytest.raises(DeviceError, match="canBus is not open"):
+        _ = device.bus
 
 
 def test_settings_are_read():

@@ -363,18 +363,18 @@ def _identifier(frame: Frame) -> int:
 
 # Buses that devices share ---------------------------------------------------------------------------------------------
 
-_shared: dict[tuple[str, str], list[CanBus]] = {}
+_shared: dict[str, list[CanBus]] = {}
 _sharing = threading.Lock()
 
 
 def share(settings: BusSettings, report: Callable[[str], None]) -> CanBus:
-    """Return the bus of this interface and channel, which is opened if this process has not done so.
+    """Return the bus of this interface, channel and port, which is opened if this process has not done so.
 
     Each call is followed by one of ``unshare``. Raises DeviceError if the bus cannot be opened, or is open with other
     settings.
     """
     with _sharing:
-        users = _shared.setdefault((settings.interface, settings.channel), [])
+        users = _shared.setdefault(settings.name, [])
         bus = users[0] if users else CanBus(settings, report=report)
         users.append(bus)
     if bus.settings != settings:
@@ -386,13 +386,13 @@ def share(settings: BusSettings, report: Callable[[str], None]) -> CanBus:
 def provide(bus: CanBus) -> None:
     """Share a bus that is open already; ``unshare`` ends that."""
     with _sharing:
-        _shared[bus.settings.interface, bus.settings.channel] = [bus]
+        _shared[bus.name] = [bus]
 
 
 def unshare(bus: CanBus) -> None:
     """Give a shared bus back; it is closed with the last of its users."""
     with _sharing:
-        users = _shared.get((bus.settings.interface, bus.settings.channel), [])
+        users = _shared.get(bus.name, [])
         users.remove(bus)
         if users:
             return

@@ -22,7 +22,7 @@ _MOST_QUEUED = 100_000
 class BusSettings:
     """A bus: the interface of python-can and its channel, and what its back-end needs beside them.
 
-    Devices with the same interface and channel share a bus.
+    Devices with the same interface and channel share a bus; buses of datagrams on one channel differ by the port.
     """
 
     interface: str
@@ -34,8 +34,9 @@ class BusSettings:
 
     @property
     def name(self) -> str:
-        """The name of the bus for messages, such as ``socketcan can0``."""
-        return f"{self.interface} {self.channel}"
+        """The name of the bus, of which there is one in a process, such as ``socketcan can0``."""
+        port = dict(self.options).get("port")
+        return f"{self.interface} {self.channel}{'' if port is None else f':{port}'}"
 
 
 def bus_settings(configuration: Property) -> BusSettings:
