@@ -105,6 +105,11 @@ class _Check:
             except ApplicationError as error:
                 self._problems.error(str(error), module.deployer.location)
                 continue
+            if module.deployer == SSH and module.stdio:
+                message = f"{module}: no terminal is opened for a program that is started by ssh"
+                self._problems.warning(
+                    message, module.stdio.location, "remove <stdio>; its output is shown all the same"
+                )
             program = program_of(module)
             local = local and not allowed_nodes(module, self._computers)
             if local and not found.told and not is_there(program, module.workdir):

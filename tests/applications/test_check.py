@@ -77,6 +77,10 @@ def test_sound_application(tmp_path: Path):
         (module("gzclient"), "warning: gzclient is not there: it is the window of a simulator"),
         (module("sleep", inside="<deployer>boat</deployer>"), "there is no deployer 'boat'; there are local, node"),
         (
+            module("sleep", inside="<deployer>ssh</deployer><stdio>pc</stdio>", node="pc1"),
+            "warning: sleep on pc1: no terminal is opened for a program that is started by ssh",
+        ),
+        (
             CAT + "<arbitrator><port>/cam/out</port><rule connection='c9'>x</rule></arbitrator>",
             "error: there is no connection with the id 'c9'",
         ),
