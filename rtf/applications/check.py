@@ -240,7 +240,7 @@ class _Check:
             if computer.disabled:
                 message = f"the machine {module.node} is disabled, by {computer.name.location}"
                 self._problems.error(message, module.node.location, "choose another node")
-            needs = description.needs if description is not None else ()
+            needs = [*(description.needs if description is not None else ()), dict(module.needs)]
             for lack in lacking(computer.figures, needs):
                 self._problems.error(
                     f"{module.name} cannot run on {module.node}: {lack}", module.node.location, "choose another node"

@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
     from rtf.applications.deployer import Deployer, DeployerContext
     from rtf.applications.events import Say
-    from rtf.applications.placement import Needs
     from rtf.applications.run.protocol import Ending
     from rtf.applications.substitutions import Entry
     from rtf.applications.xml.model import Application, Computer, Module
@@ -91,16 +90,15 @@ class Manager:
         self.links = Links(application.connections, self._network, said, self._ending)
         self._pool = self._make_pool()
         try:
-            computers = self._computers(folder)
-            found = [self._substituted(one, table, computers) for one in application.modules]
-            placement = Placement([one.module for one in found], computers, self._deployer_of)
-            needs = [() if one is None else one.needs for one in descriptions]
-            self.units = [self._unit(placement, *each) for each in enumerate(zip(found, needs, strict=True))]
+            self._computers = self._find_computers(folder)
+            self._needs = [() if one is None else one.needs for one in descriptions]
+            self.units = [self._unit(index, one, table) for index, one in enumerate(application.modules)]
+            self._place([unit for unit in self.units if unit.state is State.STOPPED])
         except BaseException:
             self.close()
             raise
 
-    def _computers(self, folder: Path) -> Sequence[Computer]:
+    def _find_computers(self, folder: Path) -> Sequence[Computer]:
         """Return the described machines. Raises ApplicationError if a node depends on files that cannot be read."""
         log = DiagnosticLog()
         found = find_computers(folder, log)
@@ -109,23 +107,25 @@ class Manager:
             raise ApplicationError(f"a node is to be chosen among described machines, and {wrong[0]}")
         return found
 
-    def _substituted(self, module: Module, table: Mapping[str, Entry], computers: Sequence[Computer]) -> Substituted:
-        found = Substituted(module) if allowed_nodes(module, computers) else substitute(module, table)
+    def _unit(self, index: int, module: Module, table: Mapping[str, Entry]) -> Unit:
+        found = Substituted(module) if allowed_nodes(module, self._computers) else substitute(module, table)
         if found.told:
             self._say(Kind.SUBSTITUTED, found.told, module)
-        return found
+        state = State.MISSING if found.missing else State.STOPPED
+        reason = found.told if found.missing else ""
+        return Unit(index, found.module, None, module.tag, state, reason=reason, optional=found.optional)
 
-    def _unit(self, placement: Placement, index: int, found: tuple[Substituted, Needs]) -> Unit:
-        substituted, needs = found
-        key = self.application.modules[index].tag
-        if substituted.missing:
-            told, optional = substituted.told, substituted.optional
-            return Unit(index, substituted.module, None, key, State.MISSING, reason=told, optional=optional)
-        placed = placement.place(substituted.module, needs)
-        if placed.module is None:
-            reason = f"{substituted.module} is not there: {placed.why}"
-            return Unit(index, substituted.module, None, key, State.MISSING, reason=reason)
-        return Unit(index, placed.module, self._deployer_of(placed.module), key, placed=placed.why)
+    def _place(self, units: Sequence[Unit]) -> None:
+        """Give modules their deployers, at nodes that are chosen where that is left open."""
+        placement = Placement([unit.module for unit in units], self._computers, self._deployer_of)
+        for unit in units:
+            placed = placement.place(unit.module, self._needs[unit.index])
+            if placed.module is None:
+                unit.state, unit.reason = State.MISSING, f"{unit.module} is not there: {placed.why}"
+            else:
+                unit.state, unit.reason = State.STOPPED, ""
+                unit.module, unit.placed = placed.module, placed.why
+                unit.deployer = self._deployer_of(placed.module)
 
     def _deployer_of(self, module: Module) -> Deployer:
         """Return the deployer of a module at its node, the same for all modules there. From any thread."""
@@ -201,7 +201,10 @@ class Manager:
 
     def begin(self, units: Sequence[Unit]) -> None:
         """Begin to start modules that do not run; ``watch_once`` goes on. Their connections are made, too."""
+        self._place([one for one in units if one.deployer is None and allowed_nodes(one.module, self._computers)])
         for unit in units:
+            if unit.deployer is None and not unit.optional:
+                self._say(Kind.FAILED, unit.reason, unit.module)
             if unit.deployer is None or unit.active:
                 continue
             unit.state, unit.reason, unit.attempts, unit.halted = State.WAITING, "", 0, False

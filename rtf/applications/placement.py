@@ -166,10 +166,14 @@ class Placement:
         return _Node(figures, running)
 
     def place(self, module: Module, needs: Needs = ()) -> Placed:
-        """Return a module with its node; as it is, without a word, if there is nothing to choose."""
+        """Return a module with its node; as it is, without a word, if there is nothing to choose.
+
+        ``needs`` are those of its description, besides its own.
+        """
         allowed = self._allowed.get(module, ())
         if not allowed:
             return Placed(module, "")
+        needs = [*needs, dict(module.needs)]
         made = {node: replace(module, node=node, anywhere=False) for node in allowed}
         nodes = {node: self._asked[module.deployer, node] for node in allowed}
         for node, one in made.items():

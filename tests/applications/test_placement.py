@@ -16,6 +16,7 @@ from rtf.applications.run.sysinfo import SystemInfo
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
 from rtf.testing.suite.diagnostics import DiagnosticLog
+from waiting import eventually
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -105,12 +106,15 @@ def test_module_is_found_again_where_it_was_placed(tmp_path: Path, network: Netw
 def test_module_that_fits_nowhere_is_not_started(tmp_path: Path, network: Network):
     """The reason has those of all nodes; others are started."""
     describe(tmp_path, "busy:<disable>yes</disable> small", f"<memory><free_space>{GIB}</free_space></memory>")
-    app = application(tmp_path, anywhere("sleep 60") + anywhere("tail -f /dev/null", "small busy idle"))
+    own = "<dependencies><computer><processor><siblings>8</siblings></processor></computer></dependencies></module>"
+    small = anywhere("tail -f /dev/null", "small busy idle").replace("</module>", own)
+    app = application(tmp_path, anywhere("sleep 60") + small)
     with lab(app, network) as run:
         assert not run.manager.start()
         assert run.states() == [State.MISSING, State.RUNNING]
         refused = "small refused: memory.free_space of 1.0 GB is needed, 0.4 GB is there"
         assert run.texts(Kind.FAILED) == [f"sleep 60 is not there: no node is left for it: {refused}"]
+        assert "idle refused: processor.siblings of 8 is needed, 4 is there" in run.manager.units[1].placed
         assert f"busy refused: it is disabled by {tmp_path}/resources/lab.xml:1:22" in run.manager.units[1].placed
 
 
@@ -135,6 +139,19 @@ def test_check_says_what_would_be_chosen(tmp_path: Path, network: Network):
     assert "there is no program 'nothing' on busy" in first
     assert "sleep 61 on gone away: no node is left for it: gone refused: there is no node /gone" in second
     assert check_application(app, DiagnosticLog()) == []
+
+
+def test_module_that_found_no_node_finds_one_later(tmp_path: Path):
+    """A module that is started alone, as by the page, is placed then, if it could not be before."""
+    network = Network(LocalNames())
+    with lab(application(tmp_path, anywhere("sleep 60", "idle gone")), network) as run:
+        run.manager.begin(run.manager.units)
+        assert run.states() == [State.MISSING]
+        assert "idle refused: there is no node /idle" in run.texts(Kind.FAILED)[0]
+        with NodeWithFigures("/idle", network, IDLE):
+            run.manager.begin(run.manager.units)
+            eventually(lambda: run.states() == [State.RUNNING], "it is not started")
+            assert run.manager.stop()
 
 
 def test_machines_that_cannot_be_read_are_no_reason_to_run_here(tmp_path: Path):

@@ -70,7 +70,7 @@ def read_description(path: Path, problems: DiagnosticLog) -> Description:
         channels("data", "output"),
         channels("services", "server"),
         channels("services", "client"),
-        tuple(dict(_figures(one, "")) for one in needs),
+        tuple(dict(figures(one, fields)) for one in needs),
         str(path),
     )
 
@@ -83,7 +83,7 @@ def read_computers(path: Path, problems: DiagnosticLog) -> tuple[Computer, ...]:
             fields.text(one, "name"),
             fields.text(one, "description"),
             fields.truth(fields.text(one, "disable"), "<disable>"),
-            dict(_figures(one, "")),
+            dict(figures(one, fields)),
         )
         for one in fields.all(root, "computer")
     )
@@ -119,11 +119,11 @@ def _channel(element: Element, fields: Fields) -> Channel:
     )
 
 
-def _figures(element: Element, above: str) -> Iterator[tuple[str, str]]:
+def figures(element: Element, fields: Fields, above: str = "") -> Iterator[tuple[str, str]]:
     """Yield the figures of a machine, by names such as ``memory.total_space``."""
     for child in element.children:
         name = f"{above}{child.name}"
         if child.children:
-            yield from _figures(child, f"{name}.")
+            yield from figures(child, fields, f"{name}.")
         elif child.text and name not in ("name", "description", "disable"):
-            yield name, child.text
+            yield name, fields.of(child)

@@ -65,7 +65,8 @@ class Module:
     names of ports, the second of which replaces the first. ``ready`` is a port by which it shows that it is ready, in
     place of a fixed time. ``number`` tells modules apart that are the same in all else. ``shown`` is its name for
     people, if that is not the command. ``anywhere``: the file names no node, so one may be chosen. A node may also be
-    several names, among which one is chosen (:mod:`rtf.applications.placement`).
+    several names, among which one is chosen (:mod:`rtf.applications.placement`). ``needs`` are figures that its machine
+    has to have, besides those of its description, such as ``("memory.free_space", "1024")``.
     """
 
     name: Text
@@ -86,6 +87,7 @@ class Module:
     number: int = 0
     shown: str = ""
     anywhere: bool = False
+    needs: tuple[tuple[str, str], ...] = ()
     location: Location = field(default_factory=Location, compare=False)
 
     @property

@@ -6,6 +6,7 @@ from collections import Counter
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from rtf.applications.xml.descriptions import figures
 from rtf.applications.xml.fields import Fields
 from rtf.applications.xml.model import (
     LOCALHOST,
@@ -174,6 +175,12 @@ class _Reader:
             tuple((fields.text(one, "old"), fields.text(one, "new")) for one in fields.all(element, "portmap")),
             self._restart(element, fields),
             anywhere=not fields.text(element, "node"),
+            needs=tuple(
+                pair
+                for group in fields.all(element, "dependencies")
+                for one in fields.all(group, "computer")
+                for pair in figures(one, fields)
+            ),
             location=element.location,
         )
         alike = Module(name, made.parameters, made.node, environment=made.environment)
