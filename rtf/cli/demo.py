@@ -4,7 +4,7 @@ First the demonstration suite, which crashes, hangs and fails on purpose, so tha
 with failures; what is judged is whether the framework saw exactly what happened. Then two programs that talk, an
 application of five programs on two nodes, a simulated robot that moves, and the battery: all tests of a lab on the
 simulated iCub, with the live page. Unless a dialect is set, the battery runs on robots of YARP 3, and a share of it on
-one of YARP 4.
+one of YARP 4; another share runs on one whose boards are on CAN buses.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import os
 import subprocess
 import sys
 import tomllib
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
 BATTERY = ("control", "encoders", "motors", "basics", "stress", "sensors", "streams")
 #: The suite with a share of the battery on a robot of YARP 4.
 YARP4_SHARE = "yarp4"
+#: The suite with a share of it on a robot whose boards are on CAN buses.
+CAN_SHARE = "bus"
 
 
 class _Shown(NamedTuple):
@@ -150,15 +153,20 @@ def _battery(runs: Path, dialect: Dialect | None) -> _Shown:
     wrong = [f"battery: {test.id}: {test.verdict}" for test in tests if test.verdict is None or not test.verdict.good]
     if code != ExitCode.PASSED and not wrong:
         wrong.append(f"battery: it ended with exit code {code}")
-    share = sum(test.id.startswith(f"{YARP4_SHARE}/") for test in tests)
-    note = f"; battery: {len(tests) - share} tests with YARP {dialect or 3}"
-    note += f", {share} with YARP 4" if share else ""
+    on_4, on_can = (sum(test.id.startswith(f"{share}/") for test in tests) for share in (YARP4_SHARE, CAN_SHARE))
+    note = f"; battery: {len(tests) - on_4 - on_can} tests with YARP {dialect or 3}"
+    note += f", {on_4} with YARP 4" if on_4 else ""
+    note += f", {on_can} on CAN buses" if on_can else ""
     return _Shown(code, len(tests), wrong, (runs / "latest" / "report.html").resolve(), note)
 
 
 def battery_suites(dialect: Dialect | None) -> tuple[str, ...]:
-    """Return the names of the suites of the battery; one of them has a robot of YARP 4 unless a dialect is set."""
-    return *BATTERY, *_cameras(), *([] if dialect else [YARP4_SHARE])
+    """Return the names of the suites of the battery.
+
+    One of them has a robot of YARP 4, unless a dialect is set, and one has a robot with CAN buses, if python-can is
+    installed.
+    """
+    return *BATTERY, *_cameras(), *([] if dialect else [YARP4_SHARE]), *([CAN_SHARE] if find_spec("can") else [])
 
 
 def _cameras() -> tuple[str, ...]:

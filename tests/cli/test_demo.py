@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from rtf.bottle import Dialect
-from rtf.cli.demo import BATTERY, YARP4_SHARE, battery_suites
+from rtf.cli.demo import BATTERY, CAN_SHARE, YARP4_SHARE, battery_suites
 
 ROOT = Path(__file__).parents[2]
 #: The test that the demonstration is compared with.
@@ -46,8 +46,8 @@ def test_the_demo_sees_what_happens(tmp_path: Path):
 
 
 def test_both_dialects_are_shown_unless_one_is_set():
-    """Without a set dialect the suite of YARP 4 is among the demonstration's suites."""
-    assert {*BATTERY, YARP4_SHARE} <= {*battery_suites(None)}
+    """Without a set dialect the suite of YARP 4 is among the demonstration's suites; that of CAN buses always is."""
+    assert {*BATTERY, YARP4_SHARE, CAN_SHARE} <= {*battery_suites(None)}
     assert YARP4_SHARE not in {*battery_suites(Dialect.YARP3), *battery_suites(Dialect.YARP4)}
     assert all((ROOT / "suites" / "icubSim" / f"{name}.xml").exists() for name in battery_suites(None))
 
