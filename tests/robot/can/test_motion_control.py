@@ -5,17 +5,20 @@ from __future__ import annotations
 from contextlib import ExitStack, closing, suppress
 from typing import TYPE_CHECKING
 
+import can
 import pytest
+from can.interfaces.virtual import VirtualBus
 
 from rtf import clock
 from rtf.bottle import Bottle, Property
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.device import make_device
 from rtf.robot.devices.can import motor_messages as motor
+from rtf.robot.devices.can.bus import CanBus, provide, unshare
 from rtf.robot.devices.can.bus_settings import BusSettings
 from rtf.robot.devices.can.codes import BoardMode, BoardType, FocFault, JointFault
 from rtf.robot.devices.control_board import ControlBoard
-from rtf.robot.errors import ConfigurationError, DeviceError, RefusedError, StaleStateError
+from rtf.robot.errors import BusError, ConfigurationError, DeviceError, RefusedError, StaleStateError
 from rtf.robot.interfaces import CalibrationParameters
 from scripted_boards import ScriptedBoard
 from waiting import eventually
@@ -201,6 +204,45 @@ def test_a_silent_board_is_told(arm: ControlBoard, joints: tuple[ScriptedBoard, 
     soon(is_stale)
     joints[1].silent = False
     soon(lambda: not is_stale())
+
+
+def test_what_is_lost_with_the_bus_is_not_sent_later(joints: tuple[ScriptedBoard, ...], channel: str):
+    """A move that cannot be sent puts its axis into fault, and its board is switched off when the bus is on again."""
+
+    class Cut(VirtualBus):
+        out = False
+
+        def send(self, msg: can.Message, timeout: float | None = None) -> None:
+            if Cut.out:
+                raise can.CanOperationError("the cable is out")
+            super().send(msg, timeout)
+
+        def recv(self, timeout: float | None = None) -> can.Message | None:
+            if Cut.out:
+                raise can.CanOperationError("the cable is out")
+            return super().recv(timeout)
+
+    def opener(settings: BusSettings) -> can.BusABC:
+        if Cut.out:
+            raise DeviceError("the cable is out")
+        return Cut(channel=settings.channel)
+
+    bus = CanBus(BusSettings("virtual", channel), opener=opener)
+    provide(bus)
+    with closing(opened(JOINTS, channel)) as arm:
+        soon(lambda: joints[0].count("position_move") == 2)  # the axes are held where they are
+        Cut.out = True
+        arm.position_move(9.0, 0)
+        soon(lambda: arm.last_joint_fault(0)[0] == 12)
+        with pytest.raises(BusError):
+            arm.set_limits(1, -20.0, 20.0)
+        Cut.out = False
+        soon(lambda: joints[0].mode[0] is BoardMode.IDLE)
+        assert arm.control_modes()[:2] == (ControlMode.HARDWARE_FAULT, ControlMode.POSITION)
+        arm.set_control_modes(ControlMode.FORCE_IDLE, 1)
+        soon(lambda: joints[0].values["min_position", 1] == (-3000,))  # what was lost of axis 1, too
+        assert (900,) not in [values[:1] for what, _, values in joints[0].commands if what == "position_move"]
+    unshare(bus)
 
 
 def test_a_calibration_ends_with_that_of_the_board(arm: ControlBoard, joints: tuple[ScriptedBoard, ...]):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from contextlib import suppress
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
     from rtf.robot.extended_state import ExtendedState
 
 #: The codes of faults that are found here; those that a board reports begin at ``FIRST_FAULT`` with bit 0.
-MODE_LOST, BOARD_RESET, FIRST_FAULT = 10, 11, 20
+MODE_LOST, BOARD_RESET, BUS_LOST, FIRST_FAULT = 10, 11, 12, 20
 #: Seconds after which a board that sends no positions counts as silent, and in which it sends the first ones.
 SILENCE, FIRST_POSITIONS = 0.1, 1.0
 #: Seconds between two setpoints for boards that answer setpoints with positions, while the first ones are awaited.
@@ -287,7 +288,10 @@ class CanMotionControl(BoardDriver):
             self._check_calibration(axis, link, reported, now)
         if reported == link.wanted:
             link.settles = NEVER
-        if reported == link.wanted or now < link.settles or shown == ControlMode.HARDWARE_FAULT:
+        if reported == link.wanted or now < link.settles:
+            return
+        if shown == ControlMode.HARDWARE_FAULT:
+            self._switch_off(link, reported, now)
             return
         known = BoardMode(reported).name.lower().replace("_", " ") if reported in set(BoardMode) else f"{reported:#x}"
         wanted = link.wanted.name.lower().replace("_", " ")
@@ -298,6 +302,12 @@ class CanMotionControl(BoardDriver):
         elif shown != ControlMode.CALIBRATING:
             self.board.fault(axis, MODE_LOST, f"board {link.board} is in the mode {known} instead of {wanted}")
 
+    def _switch_off(self, link: AxisLink, reported: int, now: float) -> None:
+        """Ask a board again to switch off an axis in fault, if it still has power, as the request may be lost."""
+        if reported != BoardMode.HARDWARE_FAULT and reported not in _UNCONFIGURED and self._bus is not None:
+            with suppress(BusError):  # until the bus is on again
+                self._bus.send(link.request(ControlMode.HARDWARE_FAULT, now))
+
     def _check_calibration(self, axis: int, link: AxisLink, reported: int, now: float) -> None:
         """End the calibration of an axis, once its board has ended its own."""
         if reported != BoardMode.CALIBRATING and now >= link.settles and reported != BoardMode.HARDWARE_FAULT:
@@ -307,7 +317,7 @@ class CanMotionControl(BoardDriver):
 
     def write(self, setpoints: Setpoints, modes: NDArray[np.int32]) -> None:
         bus, now, board = self._connected(), self.time(), self.board
-        frames = []
+        frames: dict[int, Frame] = {}
         words = [0] * len(BOARDS)
         for axis, link in enumerate(self._links):
             mode = ControlMode(int(modes[axis]))
@@ -316,9 +326,13 @@ class CanMotionControl(BoardDriver):
             elif isinstance(link, JointLink):
                 frame = link.setpoint(mode, board, setpoints, axis, now)
                 if frame is not None:
-                    frames.append(frame)
-        if frames:
-            bus.send(*frames)
+                    frames[axis] = frame
+        try:
+            bus.send(*frames.values())
+        except BusError as error:
+            for axis in frames:  # a setpoint is not sent later, when nobody expects it any more
+                self.board.fault(axis, BUS_LOST, f"its setpoint is lost: {error}")
+            raise
         self._send_setpoints(words)
 
     def _send_setpoints(self, words: list[int]) -> None:
@@ -329,11 +343,17 @@ class CanMotionControl(BoardDriver):
 
     def configure(self, axis: int) -> None:
         bus, link, mode = self._connected(), self._links[axis], ControlMode(int(self.board.mode[axis]))
+        if mode is ControlMode.HARDWARE_FAULT:
+            self._enter(axis, link, mode)
+            return
         if link.feedback.mode in _UNCONFIGURED and link.verified:
             link.forget()
         changed = link.changed_settings(self.board, axis)
-        if changed:
+        try:
             bus.send(*(frame for _, _, frame in changed))
+        except BusError:
+            link.forget()
+            raise
         if not link.verified:
             self._verify(link, [(what, values) for what, values, _ in changed])
             link.verified = True
@@ -348,7 +368,10 @@ class CanMotionControl(BoardDriver):
             link.begin(self.board, axis)
             if mode is ControlMode.CALIBRATING:
                 frame = link.calibrate(self.board, axis)
-        if mode is not ControlMode.CALIBRATION_DONE:
+        if mode is ControlMode.HARDWARE_FAULT:
+            with suppress(BusError):  # it is repeated until the board has no power
+                bus.send(frame)
+        elif mode is not ControlMode.CALIBRATION_DONE:
             bus.send(frame)
 
     def _verify(self, link: AxisLink, sent: list[Sent]) -> None:
