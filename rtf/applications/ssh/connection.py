@@ -24,6 +24,7 @@ _ANSWER, _STARTING = 5.0, 10.0
 #: The longest answer to a script, bytes: a process with a tag has some hundred.
 _MOST = 1 << 22
 _CHUNK = 1 << 16
+_DIGITS = 10
 
 T = TypeVar("T")
 
@@ -56,7 +57,7 @@ class RemoteProgram(ABC):
         """Take what comes until the channel ends. ``begun`` gets what the script says first."""
         first = await self._read_note(process, token)
         word, _, rest = first.partition(" ")
-        if word == "pid" and rest.isdigit():
+        if word == "pid" and _is_number(rest):
             self.pid = int(rest)
             self.note_start()
         if not begun.done():  # nobody waits for it any more
@@ -78,7 +79,7 @@ class RemoteProgram(ABC):
 
     async def _take_status(self, process: Process, token: str) -> None:
         word, _, rest = (await self._read_note(process, token)).partition(" ")
-        if word == "ended" and rest.isdigit():
+        if word == "ended" and _is_number(rest):
             self.status = int(rest)
             self.note_end()
 
@@ -223,6 +224,10 @@ class SshConnection:
         finally:  # without a status it is found again when the connection is
             program.closed.set()
             program.note_end()
+
+
+def _is_number(text: str) -> bool:
+    return text.isascii() and text.isdigit() and len(text) <= _DIGITS
 
 
 async def _skip_to(process: Process, token: str) -> None:
