@@ -214,3 +214,13 @@ def test_steps_of_one_direction_are_compared_with_each_other(judging):
     apart = {one.name: one for one in judging.values(0, [up, down, up._replace(measured=up.measured + 0.4)])}
     assert apart["repeatability"].wrong
     assert "repeatability" not in {one.name for one in judging.values(0, [up, down])}
+
+
+@pytest.mark.parametrize(("held", "most"), [(0.5, 0.2), (6.0, 0.6), (-6.0, 0.6)])
+def test_before_a_torque_step_the_tolerance_of_the_torque_constant_is_allowed(held, most):
+    """A tenth of the torque that holds the joint, or the parameter if that is more."""
+    test = kept_test("TorqueControlAccuracy")
+    step = cycle(0.0)
+    step = step._replace(measured=held + 0.3 + 0.5 * step.measured, start=held, target=held + 0.5)
+    error = test.values(0, [step])[0]
+    assert (error.name, error.value, error.high) == ("error before the step", pytest.approx(0.3), pytest.approx(most))
