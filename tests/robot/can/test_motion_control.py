@@ -171,6 +171,15 @@ def test_a_fault_is_shown_and_left_by_force_idle(arm: ControlBoard, joints: tupl
     soon(lambda: arm.control_modes()[1] is ControlMode.IDLE)
 
 
+def test_old_names_of_modes_are_known(arm: ControlBoard, joints: tuple[ScriptedBoard, ...]):
+    """The old impedance modes are position and velocity mode; a mode that the boards do not have is refused."""
+    arm.set_control_modes(ControlMode.IMPEDANCE_VELOCITY, 0)
+    soon(lambda: joints[0].mode[0] is BoardMode.VELOCITY)
+    assert arm.control_modes()[0] is ControlMode.VELOCITY
+    with pytest.raises(RefusedError, match="does not have the mode icur"):
+        arm.set_control_modes(ControlMode.CURRENT, 0)
+
+
 def test_a_mode_that_is_not_taken_is_a_fault(arm: ControlBoard, joints: tuple[ScriptedBoard, ...]):
     """A board that ignores a request is found out, and its axis loses its power."""
     soon(lambda: joints[1].mode[0] is BoardMode.POSITION)

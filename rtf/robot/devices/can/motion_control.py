@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.bottle import Bottle
-from rtf.robot.control_modes import ControlMode
+from rtf.robot.control_modes import REQUESTS, USER_MODES, ControlMode
 from rtf.robot.devices.board_driver import BoardDriver
 from rtf.robot.devices.can.axis_link import NEVER
 from rtf.robot.devices.can.axis_settings import CanSettings, can_settings
@@ -114,7 +114,7 @@ class CanMotionControl(BoardDriver):
         self._drives = [link for link in self._links if isinstance(link, FocLink)]
         self.measures = frozenset.intersection(*(link.measured() for link in self._links))
         common = frozenset.intersection(*(link.supported() for link in self._links))
-        self.supported = common - {ControlMode.CALIBRATING} | {ControlMode.FORCE_IDLE}
+        self.supported = frozenset(REQUESTS) - (frozenset(USER_MODES) - common)
 
     def _claim(self, bus: CanBus) -> None:
         """Reserve the axes, and the setpoints of drives, which are one frame for all. Raises DeviceError."""
