@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -75,6 +76,11 @@ class TorqueControlAccuracy(CoupledStepTest):
     ripple = Parameter(float, "deviation at the end, at most", unit="Nm", default=0.1, low=0.0)
     repeatability = Parameter(float, "deviation of the steps from each other, at most", unit="Nm", default=0.1, low=0.0)
 
+    def setup(self) -> None:
+        """See StepTest."""
+        self._begins_at: dict[int, float] = {}  # deg, where each joint is when its step begins
+        super().setup()
+
     def choose(self, part: Part) -> list[int]:
         """Return the chosen joints, by default those with torque control."""
         return torque_joints(self, part, self.joints)
@@ -84,7 +90,8 @@ class TorqueControlAccuracy(CoupledStepTest):
 
     def begin(self, joint: int) -> Routine[tuple[float, float]]:
         """See StepTest: the step starts with the torque that holds the joint."""
-        part, (_, sign) = self.robot_part, self.starts[joint]
+        part, (home, sign) = self.robot_part, self.starts[joint]
+        self._begins_at[joint] = home
         torques = yield from holding_torques(self, part, [joint], _HOLDING)
         held, step = float(torques[joint]), self.step
         most = greatest_torque(part.board, joint)
@@ -114,9 +121,15 @@ class TorqueControlAccuracy(CoupledStepTest):
             self.robot_part.board.set_reference_torques(efforts[0], joints[0])
 
     def enough(self, joint: int, after: float) -> bool:
-        """End the step of a joint that has moved far, or of one that became fast after it could be judged."""
+        """End the step of a joint that has moved far, or of one that became fast after it could be judged.
+
+        A joint that its friction has just held may slide before the step: its way counts from where the step begins.
+        """
         part, (home, _) = self.robot_part, self.starts[joint]
-        if abs(part.board.encoder(joint) - home) > self.travel:
+        here, before = part.board.encoder(joint), math.isnan(after)
+        if before:
+            self._begins_at[joint] = here
+        if abs(here - (home if before else self._begins_at[joint])) > self.travel:
             return True
         return after > self.shortest and abs(part.board.encoder_speeds(joint)[0]) > part.fastest[joint]
 
