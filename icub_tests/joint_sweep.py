@@ -14,7 +14,7 @@ from rtf.robot_testing.judging.encoder_errors import Spikes, errors_of, spikes_o
 from rtf.robot_testing.judging.friction_profile import friction_profile
 from rtf.robot_testing.judging.motor_model import TOLERANCE, UNEVEN, motor_model
 from rtf.robot_testing.motion.joint_swings import JointSwinger, Outcome, ends_of
-from rtf.robot_testing.motion.known_motors import known_motors
+from rtf.robot_testing.motion.known_motors import known_motors, limpness
 from rtf.robot_testing.motion.part import PACE
 from rtf.robot_testing.motion.routines import run_queues
 from rtf.robot_testing.robot_name import robot_model
@@ -154,7 +154,9 @@ class JointSweep(JointsTest):
         agree = self._judge_encoders(name, own.time, joints, motors, near)
         duties = self.transmission.joint_duties(own.duties, joint)
         if np.isfinite(duties).all():
-            self._judge_friction(name, friction_profile(own.local[~near], joints[~near], duties[~near], sweep.moves))
+            self._judge_friction(
+                name, joint, friction_profile(own.local[~near], joints[~near], duties[~near], sweep.moves)
+            )
         if agree and not near.any() and joint in self.motors and np.isfinite(own.currents[:, joint]).all():
             self._judge_motor(name, joint, own)
 
@@ -183,10 +185,13 @@ class JointSweep(JointsTest):
         )
         return found.error <= self.error
 
-    def _judge_friction(self, name: str, found: FrictionProfile | None) -> None:
+    def _judge_friction(self, name: str, joint: int, found: FrictionProfile | None) -> None:
         if found is None:
             return
         self.measure("dry friction", found.friction, "%")
+        most = max(found.sticky.more, found.blocked.more)
+        if most > self.friction and (limp := limpness(self.robot_part, joint)):  # its load changed while they swung
+            self.inconclusive(f"{name} needed {most:.1f} % of duty cycle more in one place; but {limp}")
         more, where = found.sticky.more, self.shown(found.sticky.position, ".0f")
         hint = (
             f"{name} needs {more:.1f} % of duty cycle more at {where} than elsewhere, in both directions; "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -295,6 +296,23 @@ def test_a_joint_that_shares_motors_with_one_without_power_is_not_judged(bench: 
     bench.guard.exclude(1, "it had to be stopped again")
     explained = [test.explained(bench.part, joint) for joint in range(3)]
     assert explained == ["", "", "it shares motors: joint1 had to be left without power"]
+
+
+@pytest.mark.parametrize("limp", [None, 0, 1])
+def test_effort_is_not_judged_while_another_joint_hangs_limp(
+    bench: PartBench, said: list[Event], made: Callable[..., Any], limp: int | None
+):
+    """A limp joint changes the load of those that it carries, or that carry it; it is no excuse for itself."""
+    test, line = made("JointSweep"), np.zeros(3)
+    place = SimpleNamespace(more=12.0, position=21.0)
+    found = SimpleNamespace(
+        friction=2.0, sticky=place, blocked=place, time=line, positions=line, duties=line, model=line
+    )
+    if limp is not None:
+        bench.guard.exclude(limp, "it does not obey its commands")
+    with test.subresult("joint0"):
+        test._judge_friction("joint0", 0, found)
+    assert verdicts(said) == {"joint0": Verdict.INCONCLUSIVE if limp == 1 else Verdict.FAILED}
 
 
 def test_a_culprit_is_left_without_power_when_it_disturbs_another_joint(

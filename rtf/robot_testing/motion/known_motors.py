@@ -86,5 +86,12 @@ def disturbance(part: Part, joint: int, model: RobotModel, *, simulated: bool) -
         return ""
     if wrong:
         return f"it was disturbed: {next(iter(wrong.values())).text}"
-    limp = [] if part.guard is None else [part.names[one] for one in range(part.axes) if part.guard.is_excluded(one)]
+    return limpness(part, joint)
+
+
+def limpness(part: Part, joint: int) -> str:
+    """Return which other joints were left without power, as a reason why a joint is disturbed; "" if none."""
+    if part.guard is None:
+        return ""
+    limp = [part.names[one] for one in range(part.axes) if one != joint and part.guard.is_excluded(one)]
     return f"it was disturbed: without power are {', '.join(limp)}" if limp else ""
