@@ -48,7 +48,7 @@ _LEAST_INERTIA = 0.5
 
 
 @dataclass(slots=True)
-class Looseness:
+class GearProperties:
     """The gears as they are, to be changed in place by faults; a column for each axis. Without both a gear is rigid."""
 
     play: FloatArray  # rad (m), the whole play
@@ -70,7 +70,7 @@ class Gears:
         self._compliance = np.array([0.0 if axis.stiffness is None else 1.0 / axis.stiffness for axis in axes])
         self._teeth = np.array([_TEETH * axis.degree / axis.max_torque for axis in axes])
         #: Active faults: functions that change their argument. Empty in a healthy robot.
-        self.faults: list[Callable[[Looseness], None]] = []
+        self.faults: list[Callable[[GearProperties], None]] = []
         #: Called when the inertia of joints has changed.
         self.on_change: Callable[[], None] = lambda: None
         self.flexible = np.empty(0, dtype=np.intp)  # the axes whose gears are not rigid
@@ -83,10 +83,10 @@ class Gears:
 
     def refresh(self) -> None:
         """Compute what follows from play and elasticity anew. A rotor that was rigid begins where its joint is."""
-        loose = Looseness(self._play.copy(), self._compliance.copy())
+        found = GearProperties(self._play.copy(), self._compliance.copy())
         for fault in self.faults:
-            fault(loose)
-        flexible = np.flatnonzero((loose.play > 0.0) | (loose.compliance > 0.0))
+            fault(found)
+        flexible = np.flatnonzero((found.play > 0.0) | (found.compliance > 0.0))
         if not (len(flexible) or len(self.flexible)):
             return
         fresh = np.setdiff1d(flexible, self.flexible)
@@ -94,10 +94,10 @@ class Gears:
         self.flexible = flexible
         self._take_inertia()
         joints = _LEAST_INERTIA * self._plant.axis_inertia(self._plant.data())[flexible]
-        compliance = np.where(loose.compliance > 0.0, loose.compliance, self._teeth)[flexible]
+        compliance = np.where(found.compliance > 0.0, found.compliance, self._teeth)[flexible]
         self._stiffness = 1.0 / np.maximum(compliance, TIMESTEP**2 / (_PHASE**2 * joints))
         self._damping = 2 * _DAMPING * np.sqrt(self._stiffness * joints)
-        self._half = loose.play[flexible] / 2
+        self._half = found.play[flexible] / 2
         self._yields = 1.0 / (1.0 + (self._stiffness * TIMESTEP + self._damping) * self._hastens)
         self.on_change()
 

@@ -19,7 +19,7 @@ from rtf.simulator.simulation import Simulation
 from .rig import Rig, with_axes
 
 if TYPE_CHECKING:
-    from rtf.simulator.gears import Gears, Looseness
+    from rtf.simulator.gears import GearProperties, Gears
     from rtf.simulator.plant import Plant
 
 pytestmark = pytest.mark.skipif(
@@ -31,7 +31,7 @@ ROOT = "torso_pitch"
 DEGREE = np.radians(1.0)
 
 
-def loosen(gears: Looseness, *, axis: int, play: float, twist: float) -> None:
+def loosen(gears: GearProperties, *, axis: int, play: float, twist: float) -> None:
     """Give a gear a play (deg), and a twist by the greatest torque of its motor (deg)."""
     gears.play[axis] += play * DEGREE
     gears.compliance[axis] += twist * DEGREE / AXES[axis].max_torque

@@ -9,7 +9,7 @@ from rtf.robot.errors import RefusedError
 from rtf.simulator.faults.base import AxisFault, Layer, Parameter
 
 if TYPE_CHECKING:
-    from rtf.simulator.gears import Looseness
+    from rtf.simulator.gears import GearProperties
 
 
 class GearFault(AxisFault):
@@ -33,7 +33,7 @@ class GearFault(AxisFault):
         self.boards.motors.gears.refresh()
 
     @abstractmethod
-    def change(self, gears: Looseness) -> None:
+    def change(self, gears: GearProperties) -> None:
         """Change the gears in place."""
 
 
@@ -46,7 +46,7 @@ class Backlash(GearFault):
     parameters = (Parameter("play", 3.0, "deg", "the whole play, as an angle of the joint", 0.0, 90.0),)
     play: float
 
-    def change(self, gears: Looseness) -> None:
+    def change(self, gears: GearProperties) -> None:
         gears.play[self.axis] += self.play * self.boards.axes[self.axis].degree
 
 
@@ -59,7 +59,7 @@ class ElasticGear(GearFault):
     parameters = (Parameter("twist", 2.0, "deg", "of the joint, by the greatest torque of its motor", 0.0, 90.0),)
     twist: float
 
-    def change(self, gears: Looseness) -> None:
+    def change(self, gears: GearProperties) -> None:
         axis = self.boards.axes[self.axis]
         gears.compliance[self.axis] += self.twist * axis.degree / axis.max_torque
 
