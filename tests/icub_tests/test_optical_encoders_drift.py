@@ -22,7 +22,7 @@ SUITE = "".join([
     entry("jump", "motor_encoder_jump torso_roll delay=12", '<parameter name="cycles">36</parameter>'),
     entry("joint", "encoder_drift torso_yaw", '<parameter name="cycles">36</parameter>'),
     entry("frozen", "motor_encoder_frozen torso_pitch", '<parameter name="cycles">6</parameter>'),
-    entry("play", "backlash torso_yaw play=0.6", '<parameter name="cycles">12</parameter>'),
+    entry("play", "backlash torso_yaw play=0.3", '<parameter name="cycles">12</parameter>'),
     entry("pitch", "encoder_frozen torso_pitch", '<parameter name="cycles">6</parameter>'),
     entry("none", more='<parameter name="cycles">0</parameter>'),
 ])  # fmt: skip
