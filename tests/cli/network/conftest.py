@@ -78,7 +78,12 @@ class Tool:
     def end(self, signum: int = signal.SIGINT) -> int:
         """Send a signal, and return the exit code."""
         self.process.send_signal(signum)
-        return self.process.wait(_LIMIT)
+        try:
+            return self.process.wait(_LIMIT)
+        except subprocess.TimeoutExpired:
+            self.process.send_signal(signal.SIGABRT)  # faulthandler says where it is
+            self.process.wait(_LIMIT)
+            raise AssertionError(f"{self.words} did not end: {self.stdout}{self.stderr}") from None
 
     def until(self, condition: Callable[[], object], what: str = "") -> None:
         """Wait until a condition holds, while the tool runs."""
@@ -99,7 +104,12 @@ class Net:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.config = folder / "config"
-        self.environment = {**os.environ, "YARP_CONFIG_HOME": str(self.config), "NO_COLOR": "1"}
+        self.environment = {
+            **os.environ,
+            "YARP_CONFIG_HOME": str(self.config),
+            "NO_COLOR": "1",
+            "PYTHONFAULTHANDLER": "1",
+        }
         self.environment["YARP_RUNTIME_DIR"] = str(folder / "runtime")
         for name in ("YARP_NAMESPACE", "YARP_PORT_PREFIX", "YARP_PORT_RANGE", "COLUMNS"):
             self.environment.pop(name, None)
