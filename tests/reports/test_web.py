@@ -48,9 +48,11 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def go_on(run: LiveRun) -> None:
-    """Answer the question of the run, and wait for its end."""
+def go_on(run: LiveRun, *, resumed: bool = False) -> None:
+    """Answer the question of the run, and wait for its end. In one that is resumed, questions of before come first."""
     with run.page.follow() as stream:
+        if resumed:
+            stream.until(resumed=True)
         stream.until(event="asked")
         assert run.page.control("answer", test="s/t", question="s/t#1", answer="yes").status == 202
         stream.until_end()
@@ -173,7 +175,7 @@ def test_a_resumed_run_has_a_page_if_it_is_asked_for(folder: Path):
     run.wait()
     before = len((run.run_folder / "journal.jsonl").read_text().splitlines())
     again = LiveRun(folder, "--resume", "rtf-runs/latest")
-    go_on(again)
+    go_on(again, resumed=True)
     assert again.wait().exit_code == ExitCode.PASSED
     records = [json.loads(line) for line in (run.run_folder / "journal.jsonl").read_text().splitlines()]
     assert records[before]["resumed"]
