@@ -192,11 +192,12 @@ class Manager:
         return True
 
     def _connect_all(self) -> bool:
-        """Connect all ports as soon as they are there. Returns whether all are."""
+        """Connect all ports as soon as they are there; modules are watched meanwhile. Returns whether all are."""
         deadline = clock.Deadline.after(_CONNECTING)
         while not (done := self.links.connect(last=deadline.expired)) and not deadline.expired:
             if self._ending.wait(LOOK):
                 return False
+            self.watch_modules()
         return done
 
     def begin(self, units: Sequence[Unit]) -> None:

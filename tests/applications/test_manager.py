@@ -433,6 +433,18 @@ def test_an_end_is_noticed_at_a_place_that_answers_slowly(tmp_path: Path):
     assert len(run.texts(Kind.RESTARTED)) == 1
 
 
+def test_an_end_is_noticed_while_ports_are_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A module that ends before all is connected is restarted at once."""
+    monkeypatch.setattr("rtf.applications.manager._CONNECTING", 4.0)
+    inside = '<restart attempts="1" backoff="0.05">on-failure</restart>'
+    content = shell(tmp_path, "one", f"echo x >> {tmp_path}/starts; sleep 0.5; exit 1", inside) + ONE_CONNECTION
+    with lab(application(tmp_path, content)) as run:
+        assert not run.manager.start()
+        assert len(run.texts(Kind.RESTARTED)) == 1
+        assert run.texts(Kind.FAILED)
+    assert (tmp_path / "starts").read_text() == "x\n" * 2
+
+
 def test_deployer_is_a_plug_in(tmp_path: Path):
     """A file beside the application with a class derived from Deployer runs the modules that name it."""
     (tmp_path / "boat.py").write_text(
