@@ -32,6 +32,7 @@ class ScriptedBoard:
         self.address, self.kind, self.dialect = address, kind, dialect_of(kind)
         self.acknowledged = 1
         self.silent = False
+        self.twins = 1  # how many boards have this address, and answer questions for the version
         self.deaf: set[str] = set()  # names of commands that are ignored
         self.mode = [BoardMode.IDLE, BoardMode.IDLE]
         self.faults = [0, 0]
@@ -98,7 +99,8 @@ class ScriptedBoard:
         if message == DISCOVER.get:
             self.send(DISCOVER.value, self.kind, 1, 2, 3)
         elif message == motor.VERSION.get:
-            self.send(motor.VERSION.value, self.kind, 1, 2, 3, 1, 6, self.acknowledged)
+            for _ in range(self.twins):
+                self.send(motor.VERSION.value, self.kind, 1, 2, 3, 1, 6, self.acknowledged)
         elif message == question.get:
             self.send(question.value, self.mode[axis], axis=axis)
         elif message == motor.SET_CONTROL_MODE:

@@ -276,8 +276,8 @@ def test_second_interrupt_does_not_cut_a_teardown_short(scene: Scene):
 
 def test_failure_found_before_the_second_interrupt_stands(scene: Scene):
     """A failure before the interrupt is the verdict."""
-    command = scene.start("self.check(False, 'wrong'); wait_for_go()")
-    scene.wait_until_noted("run")
+    command = scene.start("self.check(False, 'wrong'); note('checked'); wait_for_go()")
+    scene.wait_until_noted("checked")
     interrupt(command, 2)
     outcome = check_end(command, scene, a=Verdict.FAILED, b=Verdict.NOT_RUN, c=Verdict.NOT_RUN)
     assert outcome.detail("a") == "wrong; then: the run was interrupted"
