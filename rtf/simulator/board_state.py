@@ -72,8 +72,7 @@ class BoardState(MotorBoard, BoardDriver):
         self.motor_encoder_faults: list[Callable[[FloatArray, FloatArray, float], None]] = []
         self.current_faults: list[Callable[[FloatArray, float], None]] = []
         self.torque_faults: list[Callable[[FloatArray, float], None]] = []
-        self.plant_faults: list[Callable[[float], None]] = []
-        #: What else runs in each step, after the motors: emulated boards.
+        #: What else runs in each step, after the motors: faults of the plant, emulated boards.
         self.each_step: list[Callable[[float], None]] = []
         self.friction_faults: dict[int, dict[object, float]] = {}  # by degree of freedom: what each fault adds, Nm
         self.command_faults: list[Callable[[str, int, float], bool]] = []

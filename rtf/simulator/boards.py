@@ -78,8 +78,6 @@ class Boards(BoardState):
         if self._special:
             self._correct()
         self.motors.step(self.tick)
-        for change in self.plant_faults:
-            change(self.now)
         for run in self.each_step:
             run(self.now)
         self.tick += 1

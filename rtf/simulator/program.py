@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-import sys
 import threading
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -19,6 +18,7 @@ from rtf.middleware.ports.remote import exists
 from rtf.middleware.wire.contact import Contact
 from rtf.robot.boards.client import REQUESTS
 from rtf.robot.interface.signals import signal_listener
+from rtf.simulator.console import say
 from rtf.simulator.control_client import control_port
 from rtf.simulator.errors import RenderingError
 
@@ -94,7 +94,7 @@ class _Program:
                 if not self._end.is_set():
                     self._tell_ready(robot, opened)
             except (RtfError, OSError) as error:
-                _say(f"FAILED: {self._settings.name} could not be started: {error}")
+                say(f"FAILED: {self._settings.name} could not be started: {error}")
                 return FAILED
             self._end.wait()
         return FAILED if self._failed else FINE
@@ -104,12 +104,12 @@ class _Program:
         self._signals += 1
         if self._signals > 1:
             os._exit(_AT_ONCE)
-        _say(f"{number.name}: ends")
+        say(f"{number.name}: ends")
         self._end.set()
 
     def _report(self, sentence: str) -> None:
         """Report an error of the network or the clock; after an error of the clock the time does not go on."""
-        _say(f"[WARNING] {sentence}")
+        say(f"[WARNING] {sentence}")
         if self._robot is not None and self._robot.clock.broken is not None:
             self._failed = True
             self._end.set()
@@ -138,9 +138,9 @@ class _Program:
         settings, name, streams = self._settings, robot.name, robot.outlets.by_name
         rpc = REQUESTS[robot.network.dialect]
         for part in robot.parts:
-            _say(f"/{name}/{part}:{rpc.replace('/', ' ', 1)} command:i state:o stateExt:o")
+            say(f"/{name}/{part}:{rpc.replace('/', ' ', 1)} command:i state:o stateExt:o")
         of_parts = {f"/{name}/{part}/{stream}" for part in robot.parts for stream in ("state:o", "stateExt:o")}
-        _say(f"sensors: {' '.join(sorted(set(streams) - of_parts))}")
+        say(f"sensors: {' '.join(sorted(set(streams) - of_parts))}")
         pace = "lockstep" if settings.lockstep else f"factor {settings.factor:g}"
         duration = clock.monotonic() - self._began
         unit = f", unit {settings.unit}" if settings.unit else ""
@@ -151,7 +151,7 @@ class _Program:
         if settings.ready_file is not None:
             _write_whole(settings.ready_file, line)
             opened.callback(settings.ready_file.unlink, missing_ok=True)
-        _say(line)
+        say(line)
 
 
 def _network(settings: Settings, opened: ExitStack) -> Network:
@@ -172,7 +172,7 @@ def _network(settings: Settings, opened: ExitStack) -> Network:
         except ConnectError as error:
             raise ConnectError(f"{error}; where a name server runs already, leave out --nameserver") from None
         opened.callback(server.close)
-        _say(
+        say(
             f"name server {server.contact.name} at {server.contact.host}:{server.contact.port}; other programs find it"
             f" after 'yarp conf {server.contact.host} {server.contact.port}' (or 'rtf conf', or 'yarp detect --write')"
         )
@@ -190,7 +190,7 @@ def _make(model: RobotModel, name: str, settings: Settings, network: Network) ->
     try:
         return _simulated(model, name, settings, network, cameras=True)
     except RenderingError as error:
-        _say(f"no cameras: {error}")
+        say(f"no cameras: {error}")
         return _simulated(model, name, settings, network, cameras=False)
 
 
@@ -224,10 +224,3 @@ def _write_whole(path: Path, line: str) -> None:
     beside = path.with_name(f"{path.name}.{os.getpid()}.new")
     beside.write_text(f"{line}\n", encoding="utf-8")
     beside.replace(path)
-
-
-def _say(sentence: str) -> None:
-    """Print a line to stderr. A closed stderr is ignored."""
-    with suppress(OSError, ValueError):
-        sys.stderr.write(f"{sentence}\n")
-        sys.stderr.flush()

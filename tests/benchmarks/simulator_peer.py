@@ -67,7 +67,7 @@ class Replay:
         """Remember the steps from now on."""
         mujoco().mj_getState(self._model, self._data, self._begin, self._whole)
         self._torques.clear()
-        self._boards.plant_faults[:] = [self._remember]
+        self._boards.each_step[:] = [self._remember]
 
     def _remember(self, _now: float) -> None:
         if len(self._torques) < _MOST:
@@ -75,7 +75,7 @@ class Replay:
 
     def run(self) -> tuple[float, float]:
         """Do them again; microseconds a step, and of the processor, without what it takes to put the torques in."""
-        self._boards.plant_faults.clear()
+        self._boards.each_step.clear()
         mujoco().mj_setState(self._model, self._shadow, self._begin, self._whole)
         step, model, shadow, ctrl = mujoco().mj_step, self._model, self._shadow, self._shadow.ctrl
         began = _times()

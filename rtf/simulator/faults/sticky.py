@@ -21,10 +21,10 @@ class _Sometimes(AddedFriction):
         self._adds = 0.0
         super().add(0.0)
         self._update(self.simulation.now)
-        self.boards.plant_faults.append(self._update)
+        self.boards.each_step.append(self._update)
 
     def end(self) -> None:
-        self.boards.plant_faults.remove(self._update)
+        self.boards.each_step.remove(self._update)
         super().end()
 
     def _update(self, now: float) -> None:

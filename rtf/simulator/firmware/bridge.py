@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rtf.robot.devices.can.bus import CanBus
-from rtf.robot.devices.can.messages import ADDRESSES, EVERYONE, HOST, MessageClass
+from rtf.robot.devices.can.messages import ADDRESSES, EVERYONE, HOST, POLLING, MessageClass
 from rtf.robot.errors import BusError
 
 if TYPE_CHECKING:
@@ -16,10 +16,9 @@ if TYPE_CHECKING:
     from rtf.simulator.firmware.wire import Wire
     from rtf.simulator.simulation import Simulation
 
-_POLLING = (MessageClass.MOTOR_POLLING, MessageClass.SENSOR_POLLING, MessageClass.MANAGEMENT)
 #: The identifiers of hosts: requests to boards, and the setpoints of drives. All others are those of the boards.
 FROM_HOSTS = (
-    *(kind << 8 | board for kind in _POLLING for board in (*ADDRESSES, EVERYONE)),
+    *(kind << 8 | board for kind in POLLING for board in (*ADDRESSES, EVERYONE)),
     MessageClass.MOTOR_PERIODIC << 8 | HOST << 4 | EVERYONE,
 )
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Property
-from rtf.robot.devices.can.axis_scale import SHORT, AxisScale
+from rtf.robot.devices.can.axis_scale import AxisScale
 from rtf.robot.interfaces import JointType
-from rtf.simulator.firmware.parameters import FULL_OUTPUT, IMPEDANCE_COUNTS, TORQUE_COUNTS
+from rtf.simulator.firmware.parameters import FULL_OUTPUT, IMPEDANCE_COUNTS, TORQUE_COUNTS, shift_of
 from rtf.simulator.firmware.simulated_bus import INTERFACE
 
 if TYPE_CHECKING:
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
 
 #: Milliseconds in which an answer is missed. A simulation may be slow by the machine's clock.
 _TIMEOUT = 2000
-_MOST_SHIFT = 15
 
 
 def can_configuration(firmware: Firmware, wire: str) -> Property:
@@ -62,7 +60,7 @@ def _pid(pid: Pid, ticks: float) -> str:
     """Return a controller in whole numbers: kp, kd, ki, limits of integral and output, shift and offset."""
     scale = AxisScale(ticks=float(ticks), full_duty=FULL_OUTPUT)
     greatest = max(abs(number) for number in scale.raw_pid(pid._replace(scale=0.0))[:3])
-    shift = min(max(math.floor(math.log2(SHORT[1] / max(greatest, 1))), 0), _MOST_SHIFT)
+    shift = shift_of(max(greatest, 1))
     raw = scale.raw_pid(pid._replace(scale=float(shift)))
     return " ".join(
         str(one) for one in (raw.kp, raw.kd, raw.ki, raw.integral_limit, raw.output_limit, raw.shift, raw.offset)

@@ -121,10 +121,15 @@ class AxisParameters:
         return stiffness, damping, offset
 
 
+def shift_of(greatest: float) -> int:
+    """Return the greatest shift with which a gain of so many counts, not 0, still fits into 16 bits."""
+    return min(max(math.floor(math.log2(_MOST / abs(greatest))), 0), _MOST_SHIFT)
+
+
 def feedforward_of(pid: Pid, ticks: float) -> tuple[int, int]:
     """Return the feedforward of a controller as a number and a shift."""
     counts = pid.feedforward / ticks / 100.0 * FULL_OUTPUT * 1e3
-    shift = min(max(math.floor(math.log2(_MOST / abs(counts))), 0), _MOST_SHIFT) if counts else 0
+    shift = shift_of(counts) if counts else 0
     return round(counts * 2**shift), shift
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import sys
 import threading
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -12,6 +11,7 @@ from rtf import clock
 from rtf.errors import RtfError
 from rtf.robot.devices.can.bus_settings import BusSettings
 from rtf.robot.interface.signals import signal_listener
+from rtf.simulator.console import say
 from rtf.simulator.firmware.boards_on_buses import Firmware
 from rtf.simulator.firmware.bridge import Bridge
 from rtf.simulator.plant import Options, build
@@ -58,7 +58,7 @@ def run_boards(program: BoardsProgram) -> int:
     end = threading.Event()
 
     def on_signal(number: signal.Signals) -> None:
-        _say(f"{number.name}: ends")
+        say(f"{number.name}: ends")
         end.set()
 
     began = clock.monotonic()
@@ -71,23 +71,16 @@ def run_boards(program: BoardsProgram) -> int:
                 opened.callback(bridge.close)
                 boards = [board for board in firmware.boards if board.wire is bridge.wire]
                 addresses = ", ".join(f"{board.address} {board.board_type.name}" for board in boards)
-                _say(f"{name}: {settings.name} {dict(settings.options) or ''}: boards {addresses}")
+                say(f"{name}: {settings.name} {dict(settings.options) or ''}: boards {addresses}")
         except (RtfError, OSError) as error:
-            _say(f"FAILED: the boards of {program.model.name} could not be started: {error}")
+            say(f"FAILED: the boards of {program.model.name} could not be started: {error}")
             return FAILED
         took = clock.monotonic() - began
-        _say(f"READY in {took:.2f} s: boards {len(firmware.boards)}, buses {len(firmware.wires)}")
+        say(f"READY in {took:.2f} s: boards {len(firmware.boards)}, buses {len(firmware.wires)}")
         while not end.is_set():
             simulation.advance(simulation.now + _STRIDE)
     return FINE
 
 
 def _warn(sentence: str) -> None:
-    _say(f"[WARNING] {sentence}")
-
-
-def _say(sentence: str) -> None:
-    """Print a line to stderr. A closed stderr is ignored."""
-    with suppress(OSError, ValueError):
-        sys.stderr.write(f"{sentence}\n")
-        sys.stderr.flush()
+    say(f"[WARNING] {sentence}")

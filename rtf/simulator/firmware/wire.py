@@ -12,7 +12,7 @@ import itertools
 from typing import TYPE_CHECKING, Protocol
 
 from rtf.robot.devices.can.frame_bits import frame_bits
-from rtf.robot.devices.can.messages import EVERYONE, HOST, MessageClass
+from rtf.robot.devices.can.messages import EVERYONE, HOST, POLLING, MessageClass
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -34,7 +34,6 @@ _MOST_RECEIVER_ERRORS = 127
 #: Bits of an error frame, with the space after it.
 _ERROR_BITS = 23
 _PERIODIC_TO_BOARDS = MessageClass.MOTOR_PERIODIC << 8 | HOST << 4 | EVERYONE
-_TO_BOARDS = frozenset({MessageClass.MOTOR_POLLING, MessageClass.SENSOR_POLLING, MessageClass.MANAGEMENT})
 
 
 class Node(Protocol):
@@ -197,7 +196,7 @@ class Wire:
     def _receivers(self, identifier: int) -> list[Connection]:
         """Return the nodes that take frames with an identifier: boards take requests and setpoints only."""
         kind, source, destination = identifier >> 8, identifier >> 4 & 0xF, identifier & 0xF
-        if identifier != _PERIODIC_TO_BOARDS and (kind not in _TO_BOARDS or source != HOST):
+        if identifier != _PERIODIC_TO_BOARDS and (kind not in POLLING or source != HOST):
             return self._everything
         if destination == EVERYONE:
             return self._nodes

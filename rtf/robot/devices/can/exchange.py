@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from rtf import clock
 from rtf.robot.devices.can.codec import decode
 from rtf.robot.devices.can.codes import BoardType
-from rtf.robot.devices.can.messages import ADDRESSES, EVERYONE, Dialect, MessageClass
+from rtf.robot.devices.can.messages import ADDRESSES, EVERYONE, POLLING, Dialect, MessageClass
 from rtf.robot.devices.can.motor_messages import VERSION
 from rtf.robot.devices.can.sensor_messages import DISCOVER, SENSOR_VERSION
 from rtf.robot.errors import DeviceError, MessageError
@@ -62,8 +62,7 @@ class Exchange:
         self._answers: deque[Frame] = deque()
         self._asked: Counter[int] = Counter()  # questions for the version of a board, and answers to them
         self._told: Counter[int] = Counter()
-        kinds = (MessageClass.MOTOR_POLLING, MessageClass.SENSOR_POLLING, MessageClass.MANAGEMENT)
-        self._end = bus.subscribe(self._take, [kind << 8 | board << 4 for kind in kinds for board in ADDRESSES])
+        self._end = bus.subscribe(self._take, [kind << 8 | board << 4 for kind in POLLING for board in ADDRESSES])
 
     def close(self) -> None:
         """Receive nothing any more."""
