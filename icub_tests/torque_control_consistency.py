@@ -27,6 +27,8 @@ _FORMS = ("single", "group", "all")
 _HOLDING, _MODE_TIME = 0.2, 0.2
 #: Time for a reference to arrive, and time of measuring its effect, s: several states average the noise.
 _ARRIVING, _MEASURING = 0.03, 0.05
+#: Longest time for the loop to settle, s: the change to torque mode is a step of its own.
+_SETTLING = 0.3
 #: Greatest displacement of a joint during the test, deg.
 _TRAVEL = 10.0
 
@@ -104,9 +106,9 @@ class TorqueControlConsistency(RobotTest):
                 ),
                 _ARRIVING, pace=0.01,
             )  # fmt: skip
-            measured, gone = self._measure(part, [*joints, *others], before)
+            measured, gone = self._measure(part, [*joints, *others], wanted, before)
             found.append((
-                change, wanted, part.board.reference_torques(joints), measured[: len(joints)],
+                change, wanted, part.board.reference_torques(joints), measured,
                 self._in_torque_mode(part, joints),
             ))  # fmt: skip
             if gone.max() > _TRAVEL:
@@ -136,16 +138,29 @@ class TorqueControlConsistency(RobotTest):
                         kept=bool(kept[place]),
                     )
 
-    def _measure(self, part: Part, joints: Sequence[int], before: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the mean torques (Nm) and the displacements (deg) of joints; ends early if a joint moves too far."""
+    def _measure(
+        self, part: Part, joints: Sequence[int], wanted: FloatArray, before: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the mean torques (Nm) of the first joints, for which some are wanted, and how far all moved (deg).
+
+        Ends when the mean of the last states has settled at what is wanted, or a joint has moved too far.
+        """
 
         def gone() -> FloatArray:
             return np.abs(part.board.encoders(joints) - before[joints])
 
+        def torques() -> FloatArray:
+            last = trace.time > trace.time[-1] - _MEASURING
+            means: FloatArray = trace.torques[last][:, joints[: len(wanted)]].mean(axis=0)
+            return means
+
+        def settled() -> bool:
+            full = len(trace) > 1 and trace.time[-1] - trace.time[0] >= _MEASURING
+            return full and bool((np.abs(torques() - wanted) <= self.answer).all())
+
         with part.recorded() as trace:
-            part.wait_until(lambda: bool(gone().max() > _TRAVEL), _MEASURING, pace=0.01)
-        torques = trace.torques[:, joints].mean(axis=0) if len(trace) else part.board.torques(joints)
-        return torques, gone()
+            part.wait_until(lambda: settled() or bool(gone().max() > _TRAVEL), _SETTLING, pace=0.01)
+        return torques() if len(trace) else part.board.torques(joints[: len(wanted)]), gone()
 
     def _others(self, joints: Sequence[int]) -> list[int]:
         """Return the joints that are coupled with some joints."""
