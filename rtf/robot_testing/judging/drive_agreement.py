@@ -69,6 +69,7 @@ def drive_evidence(drive: Drive, names: Sequence[str], suspects: Collection[int]
     efforts = drive.duties @ drive.coupling / np.abs(drive.coupling).sum(axis=0)
     motors = _stubborn(drive.time, drive.duties, turning)
     joints = _stubborn(drive.time, efforts, _speeds(drive.time, drive.joints))
+    motors = {motor: since for motor, since in motors.items() if not _balanced(drive, efforts, motor)}
     if pair := _exchanged(motors, drive.duties, turning):
         what = f"the motors of {names[pair[0]]} and {names[pair[1]]} are swapped"
         return [Evidence(frozenset(pair), f"{what}: each turns by the duty cycle of the other", ("swapped motors",))]
@@ -161,6 +162,12 @@ def _groups(coupling: FloatArray) -> list[list[int]]:
         groups.append(sorted(group))
         left = [axis for axis in left if axis not in group]
     return groups
+
+
+def _balanced(drive: Drive, efforts: FloatArray, motor: int) -> bool:
+    """Whether other motors hold one that stands still: no joint that it moves is driven by all of its motors."""
+    moved = np.flatnonzero(drive.coupling[motor])
+    return not _against(drive, motor) and bool((np.abs(_recent(drive, efforts)[moved]) < _LARGE).all())
 
 
 def _turned(drive: Drive, motor: int) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.judging.blame import Blame, Evidence, Strength, blame
 from rtf.robot_testing.motion.joints_out_of_limits import exclude_joints_out_of_limits
+from rtf.robot_testing.motion.known_motors import limpness
 from rtf.robot_testing.motion.part import PACE
 from rtf.robot_testing.motion.routines import run_to_end, until
 from rtf.robot_testing.motion.stop_evidence import stop_evidence
@@ -45,12 +46,14 @@ class Ends(NamedTuple):
 class Outcome:
     """The outcome of swings: ``complaint``, a failure text without its subject ("" if none), and its findings.
 
-    With an ``excuse`` it is no fault of the joint, see GuardError.
+    With an ``excuse`` it is no fault of the joint, see GuardError. ``limp`` says which other joints were without power
+    already: the part moved in another way than its controllers meant it to.
     """
 
     complaint: str = ""
     findings: tuple[str, ...] = ()
     excuse: str = ""
+    limp: str = ""
 
 
 def ends_of(part: Part, joint: int, width: float, low: float | None = None, high: float | None = None) -> Ends:
@@ -87,11 +90,14 @@ class JointSwinger:
     def verdict(self, joint: int, outcome: Outcome) -> Blame | None:
         """Return the verdict on a joint by the evidence; None if its swings are complete, and nothing accuses it."""
         name = self.part.names[joint]
-        certain = [one for one in self.evidence if one.strength is Strength.CERTAIN and joint in one.joints]
+        own = [one for one in self.evidence if one.strength > Strength.UNCERTAIN and joint in one.joints]
+        certain = [one for one in own if one.strength is Strength.CERTAIN]
         if not certain and (doubt := self.in_doubt(joint)):
             return Blame(failed=False, text=f"{name} {doubt}: it cannot be judged")
         if not outcome.complaint:
             return blame(joint, certain[0], certain) if certain else None
+        if outcome.limp and not own:
+            return Blame(failed=False, text=f"{name} {outcome.complaint}; but {outcome.limp}")
         return blame(joint, _evidence(self.part, joint, outcome), self.evidence)
 
     def _blamed(self, found: Collection[Evidence], suspects: Collection[int]) -> set[int]:
@@ -155,12 +161,12 @@ class JointSwinger:
 
     def _stopped(self, joint: int, error: GuardError) -> Outcome:
         """Exclude the joint that is to blame for a stop during the swings of a joint, and hold that one."""
-        blamed = self._note(error)
+        blamed, limp = self._note(error), limpness(self.part, joint)
         if joint not in blamed and self.part.guard is not None:
             self.part.guard.halt([joint])
         self.exclude(blamed)
         what = "had to be stopped" if joint == error.joint else "was not swung to the end"
-        return Outcome(f"{what}: {error}", (error.finding,), error.excuse)
+        return Outcome(f"{what}: {error}", (error.finding,), error.excuse, limp)
 
     def stopped(self, error: GuardError) -> dict[int, Outcome]:
         """Exclude the joints that are to blame for a stop, and return their outcomes.
@@ -304,6 +310,7 @@ class _Watch:
             joint: Outcome(
                 f"does not reach {part.shown(joint, goal, '.1f')} in time; it is at {part.shown(joint, where, '.1f')}",
                 ("does not move",),
+                limp=limpness(part, joint),
             )
             for joint, where, goal in rows
             if not abs(where - goal) <= self._tolerance
