@@ -33,7 +33,8 @@ class SimulatedAngles(SimulatedSensor, IAnalogSensor):
         super().__init__(name, simulation, [Accuracy(noise=settings.noise)], each=len(channels))
         self._random = self._new_random()
         index = simulation.plant.robot.index
-        self._axes = [index[axis] for axis, _ in channels]
+        #: The axis of each channel.
+        self.axes = [index[axis] for axis, _ in channels]
         self._open = settings.open
         counts = (settings.bent - settings.open) / _BENT
         self._factors = counts * math.degrees(1.0) * np.array([share for _, share in channels])
@@ -52,13 +53,13 @@ class SimulatedAngles(SimulatedSensor, IAnalogSensor):
         return self._random.standard_normal(count)
 
     def channels(self) -> int:
-        return len(self._axes)
+        return len(self.axes)
 
     def read(self) -> SensorReading:
         boards = self._boards
         if self._measured_at != boards.tick:
             self._measured_at = boards.tick
-            values = np.rint(self._open + self._factors * self._angles[self._axes] + self._next_noise())
+            values = np.rint(self._open + self._factors * self._angles[self.axes] + self._next_noise())
             values.clip(0.0, _LARGEST, out=values)
             self._reading = SensorReading(values, boards.now)
         return self._reading

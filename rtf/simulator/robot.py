@@ -5,28 +5,32 @@ from __future__ import annotations
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, Self
 
+from rtf.bottle import Bottle, Property
 from rtf.clock import use as use_clock
 from rtf.robot.boards.server import ControlBoardServer
+from rtf.robot.devices.analog_sensors_remapper import CATEGORY_TAGS, AnalogSensorsRemapper
+from rtf.robot.interfaces import SensorCategory
 from rtf.robot.sensors.analog import AnalogServer
 from rtf.robot.sensors.analog_sensors import AnalogSensorsServer
 from rtf.robot.sensors.battery import BatteryServer
 from rtf.robot.sensors.inertial import InertialServer
-from rtf.simulator.angle_sensors import SimulatedAngles
 from rtf.simulator.battery import BATTERY_PERIOD, SimulatedBattery
 from rtf.simulator.firmware.boards_on_buses import Firmware
 from rtf.simulator.kinematic_part import KinematicPart
 from rtf.simulator.part import SimulatedPart
 from rtf.simulator.plant import Options, build
+from rtf.simulator.robot_sensors import RobotSensors
 from rtf.simulator.simulated_outlets import SimulatedOutlets
-from rtf.simulator.simulated_sensors import SimulatedForceTorque, SimulatedForceTorques, SimulatedImu
+from rtf.simulator.simulated_sensors import SimulatedForceTorques
 from rtf.simulator.simulation import Simulation
 from rtf.simulator.simulation_clock import CLOCK, SimulationClock, serve_time
-from rtf.simulator.skin import SKIN_PERIOD, SimulatedSkin
+from rtf.simulator.skin import SKIN_PERIOD
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from rtf.middleware.ports.network import Network
+    from rtf.robot.device import Device
     from rtf.robot.devices.control_board import ControlBoard
     from rtf.robot.devices.remapper import ControlBoardRemapper
     from rtf.robot.model import RobotModel
@@ -94,27 +98,19 @@ class SimulatedRobot:
         self.outlets = SimulatedOutlets(self.simulation, lockstep=lockstep)
         served = parts or model.served
         own = [part for part in served if part in model.parts]
-        self.firmware = Firmware(self.simulation, own) if can else None
+        sensors = RobotSensors(self.simulation)
+        self.firmware = Firmware(self.simulation, own, sensors) if can else None
         self.parts: dict[str, ControlBoard | KinematicPart | ControlBoardRemapper] = {
             part: self._board(part) for part in served
         }
-        plant = self.simulation.plant
-        self.force_torques = {
-            sensor.settings.port: SimulatedForceTorque(sensor, self.simulation) for sensor in plant.ft_sensors
-        }
-        self.angles = {
-            settings.port: SimulatedAngles(name, settings, self.simulation)
-            for name, settings in model.sensors.angles.items()
-        }
-        self.imus = {sensor.settings.port: SimulatedImu(sensor, self.simulation) for sensor in plant.imus}
-        self.skin = {
-            name: SimulatedSkin(name, settings, self.simulation) for name, settings in model.sensors.skin.items()
-        }
+        self.force_torques, self.angles = sensors.force_torques, sensors.angles
+        self.imus, self.skin = sensors.imus, sensors.skin
         battery = model.sensors.battery
         self.battery = None if battery is None else SimulatedBattery(battery, self.simulation)
         self._state_period, self._camera_period = 1 / state_rate, 1 / camera_rate
         self.cameras: dict[str, SimulatedCamera] = {}
         self.depth_cameras: dict[str, SimulatedDepthCamera] = {}
+        self._drivers: dict[Device, Device] = {}  # of sensors with boards
         with ExitStack() as opened:
             if self.firmware is not None:
                 self._open_buses(opened, self.firmware, clock)
@@ -131,17 +127,16 @@ class SimulatedRobot:
         for part, board in self.parts.items():
             self._serve(opened, ControlBoardServer, board, part, self._state_period)
         for place, sensor in self.force_torques.items():
-            self._serve(opened, AnalogServer, sensor, f"{place}/analog:o", SENSOR_PERIOD)
+            self._serve(opened, AnalogServer, self._driver(sensor), f"{place}/analog:o", SENSOR_PERIOD)
         for place, angles in self.angles.items():
-            self._serve(opened, AnalogServer, angles, f"{place}/analog:o", SENSOR_PERIOD)
+            self._serve(opened, AnalogServer, self._driver(angles), f"{place}/analog:o", SENSOR_PERIOD)
         if self.force_torques:
-            everything = SimulatedForceTorques(tuple(self.force_torques.values()), self.simulation)
-            self._serve(opened, AnalogSensorsServer, everything, "FTs", SENSOR_PERIOD)
+            self._serve(opened, AnalogSensorsServer, self._all_force_torques(), "FTs", SENSOR_PERIOD)
         for place, imu in self.imus.items():
-            self._serve(opened, InertialServer, imu, place, SENSOR_PERIOD)
-            self._serve(opened, AnalogSensorsServer, imu, place, SENSOR_PERIOD)
+            self._serve(opened, InertialServer, self._driver(imu), place, SENSOR_PERIOD)
+            self._serve(opened, AnalogSensorsServer, self._driver(imu), place, SENSOR_PERIOD)
         for patch in self.skin.values():
-            self._serve(opened, AnalogServer, patch, patch.settings.port, SKIN_PERIOD)
+            self._serve(opened, AnalogServer, self._driver(patch), patch.settings.port, SKIN_PERIOD)
         if self.battery is not None:
             self.simulation.publish_regularly(self.battery)
             self._serve(opened, BatteryServer, self.battery, self.battery.settings.port, BATTERY_PERIOD)
@@ -151,13 +146,28 @@ class SimulatedRobot:
             self._start_time(opened, clock)
         self.simulation.settle.append(self._settle)
 
+    def _driver(self, sensor: Device) -> Device:
+        """Return the driver of a sensor that has a board on a bus, else the sensor."""
+        return self._drivers.get(sensor, sensor)
+
+    def _all_force_torques(self) -> Device:
+        """Return all force-torque sensors as one device."""
+        sensors = tuple(self.force_torques.values())
+        if not self._drivers:
+            return SimulatedForceTorques(sensors, self.simulation)
+        remapper = AnalogSensorsRemapper("force-torque sensors", network=self.network)
+        names = Bottle([one.name for one in sensors])
+        remapper.open(Property({f"{CATEGORY_TAGS[SensorCategory.FORCE_TORQUE]}Names": names}))
+        remapper.attach({one.name: self._driver(one) for one in sensors})
+        return remapper
+
     def _start_time(self, opened: ExitStack, clock: str) -> None:
         self.clock = serve_time(self.simulation, clock, network=self.network, lockstep=self.lockstep)
         opened.callback(self.clock.close)
 
     def _open_buses(self, opened: ExitStack, firmware: Firmware, clock: str) -> None:
         """Start the time, share the buses, and open the drivers of the parts, which find their boards on them."""
-        from rtf.simulator.firmware.can_parts import open_can_parts
+        from rtf.simulator.firmware.can_parts import open_can_parts, open_can_sensors
         from rtf.simulator.firmware.simulated_bus import provide_buses
 
         self._start_time(opened, clock)
@@ -167,6 +177,7 @@ class SimulatedRobot:
             opened.enter_context(use_clock(time))
             boards = [part for part in self.parts if part in self.model.parts]
             self.parts |= open_can_parts(firmware, boards, self.network, opened)
+            self._drivers |= open_can_sensors(firmware, self.network, opened)
 
     def _serve(self, opened: ExitStack, server: Callable[..., Any], device: object, name: str, period: float) -> None:
         if not self._serves:

@@ -7,14 +7,18 @@ from typing import TYPE_CHECKING
 from rtf.bottle import Property
 from rtf.robot.devices.can.axis_scale import AxisScale
 from rtf.robot.interfaces import JointType
+from rtf.simulator.angle_sensors import SimulatedAngles
 from rtf.simulator.firmware.parameters import FULL_OUTPUT, IMPEDANCE_COUNTS, TORQUE_COUNTS, shift_of
+from rtf.simulator.firmware.sensors_on_buses import INERTIAL, inertial_scales
 from rtf.simulator.firmware.simulated_bus import INTERFACE
+from rtf.simulator.simulated_sensors import SimulatedForceTorque, SimulatedImu
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from rtf.robot.interfaces import FloatArray, Pid
     from rtf.simulator.firmware.boards_on_buses import Firmware
+    from rtf.simulator.firmware.sensors_on_buses import SensorOnBus
 
 #: Milliseconds in which an answer is missed. A simulation may be slow by the machine's clock.
 _TIMEOUT = 2000
@@ -32,7 +36,8 @@ def can_configuration(firmware: Firmware, wire: str) -> Property:
 
     controllers = [_pid(boards.pids[axis], boards.resolution[axis]) for axis in axes]
     pids = " ".join(f"(Pid{place} {numbers})" for place, numbers in enumerate(controllers))
-    counts = [IMPEDANCE_COUNTS if able else 0.0 for able in boards.torque_controlled]
+    able = boards.torque_controlled
+    counts = [IMPEDANCE_COUNTS if one else 0.0 for one in able]
     couplings = boards.configured_couplings[axes][:, axes]
     kinds = ["prismatic" if kind is JointType.PRISMATIC else "revolute" for kind in boards.kinds]
     return Property.parse(
@@ -47,9 +52,30 @@ def can_configuration(firmware: Firmware, wire: str) -> Property:
         f" (motorNominalCurrents {row(boards.nominal_current)}) (motorPeakCurrents {row(boards.peak_current)})"
         f" (motorOverloadCurrents {row(boards.max_current)}) (motorPwmLimit {FULL_OUTPUT}))"
         f" (PIDS {pids})"
-        f" (IMPEDANCE (stiffnessToSensor {row(counts)}) (dampingToSensor {row(counts)}))"
+        f" (IMPEDANCE (stiffnessToSensor {row(counts)}) (dampingToSensor {row(counts)})"
+        f" (stiffness {row(boards.stiffness * able)}) (damping {row(boards.damping * able)}))"
         f" (COUPLINGS (matrixJ2M {' '.join(map(_text, couplings.ravel().tolist()))}))"
     )
+
+
+def sensor_configuration(placed: SensorOnBus) -> tuple[str, Property]:
+    """Return the type of the driver of a sensor on a bus, and its configuration."""
+    sensor, addresses = placed.sensor, " ".join(str(board.address) for board in placed.boards)
+    bus = f"(CAN (interface {INTERFACE}) (channel {placed.wire}))"
+    if isinstance(sensor, SimulatedForceTorque):
+        link = sensor.sensor.settings.link
+        return "canBusStrain", Property.parse(
+            f"(canAddress {addresses}) (sensorName {sensor.name}) (frameName {link}) {bus}"
+        )
+    if isinstance(sensor, SimulatedImu):
+        scales = " ".join(f"({INERTIAL[kind].name}Scale {scale!r})" for kind, scale in inertial_scales(sensor).items())
+        return "canBusInertialMTB", Property.parse(
+            f"(canAddresses {addresses}) (sensorName {sensor.name}) (frameName {sensor.imu.frame}) {scales} {bus}"
+        )
+    if isinstance(sensor, SimulatedAngles):
+        return "canBusMais", Property.parse(f"(canAddress {addresses}) {bus}")
+    triangles = sensor.settings.triangles
+    return "canBusSkin", Property.parse(f"(canAddresses {addresses}) (triangles {triangles}) {bus}")
 
 
 def _text(value: object) -> str:

@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING
 
 from rtf.robot.control_modes import InteractionMode
 from rtf.robot.devices.can import motor_messages as m
-from rtf.robot.devices.can.codec import decode
 from rtf.robot.devices.can.codes import BoardType
-from rtf.robot.errors import MessageError
 from rtf.simulator.firmware.joint_messages import HANDLERS
 from rtf.simulator.firmware.joint_state import AXES, JointBoardState
 from rtf.simulator.firmware.readings import short
@@ -20,7 +18,8 @@ from rtf.simulator.firmware.readings import short
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rtf.robot.devices.can.messages import Frame, Message
+    from rtf.robot.devices.can.codec import Decoded
+    from rtf.robot.devices.can.messages import Message
     from rtf.simulator.boards import Boards
     from rtf.simulator.firmware.readings import Readings
     from rtf.simulator.firmware.wire import Wire
@@ -48,9 +47,7 @@ class JointBoard(JointBoardState):
         *,
         board_type: BoardType = BoardType.BLL,
     ) -> None:
-        super().__init__(address, boards, axes, readings, board_type=board_type)
-        self.wire = wire
-        self.connection = wire.attach(self)
+        super().__init__(wire, address, boards, axes, readings, board_type=board_type)
         #: What is sent in the milliseconds of a cycle, if the host has asked for it.
         self._phases = (
             (_POSITION, self._send_positions),
@@ -67,21 +64,12 @@ class JointBoard(JointBoardState):
 
     # Messages --------------------------------------------------------------------------------------------------------
 
-    def receive(self, frame: Frame, time: float) -> None:
-        """Take a request; what is none for this board is dropped, as boards do."""
-        del time
-        if self.silent:
-            return
-        try:
-            message = decode(frame.identifier, frame.data)
-        except MessageError:
-            self.rejected += 1
-            return
-        handler = HANDLERS.get(message.message.name)
-        if handler is None or message.axis >= len(self.axes) or message.message.name in self.ignored:
-            self.rejected += 1
-            return
-        handler(self, message.axis, message.values)
+    def handle(self, got: Decoded) -> bool:
+        handler = HANDLERS.get(got.message.name)
+        if handler is None or got.axis >= len(self.axes):
+            return False
+        handler(self, got.axis, got.values)
+        return True
 
     # Broadcasts ------------------------------------------------------------------------------------------------------
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from rtf.robot.control_modes import TRAJECTORY_MODES, VELOCITY_MODES, ControlMode, InteractionMode
 from rtf.robot.devices.can import motor_messages as m
-from rtf.robot.devices.can import sensor_messages as s
 from rtf.robot.devices.can.codes import BoardInteraction, BoardMode
 from rtf.robot.errors import RefusedError
+from rtf.simulator.firmware.board import number, set_information
 from rtf.simulator.firmware.parameters import FULL_OUTPUT, IMPEDANCE_COUNTS, PARTS_OF_PID, SETTINGS, TORQUE_COUNTS
 from rtf.simulator.firmware.readings import MODES, short
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from rtf.robot.devices.can.messages import Question, Setting
+    from rtf.simulator.firmware.board import Values
     from rtf.simulator.firmware.joint_state import JointBoardState
 
-    Values = tuple[float | bytes, ...]
     #: Does something with a request for an axis of the board, 0 or 1.
     Handler = Callable[[JointBoardState, int, Values], None]
     Answer = Callable[[JointBoardState, int], Values]
@@ -32,13 +32,6 @@ _DIRECT, _TORQUE = frozenset({ControlMode.POSITION_DIRECT}), frozenset({ControlM
 _PWM = frozenset({ControlMode.PWM})
 #: The modes that a board which lacks its gains and limits enters.
 _WITHOUT_POWER = frozenset({BoardMode.IDLE, BoardMode.FORCE_IDLE})
-
-
-def _number(values: Values, place: int = 0) -> float:
-    value = values[place]
-    if isinstance(value, bytes):
-        raise TypeError(f"a text in the place {place} of a message of numbers")
-    return value
 
 
 def _accepted(board: JointBoardState, axis: int, what: str, modes: frozenset[ControlMode]) -> NDArray[np.intp] | None:
@@ -51,7 +44,7 @@ def _accepted(board: JointBoardState, axis: int, what: str, modes: frozenset[Con
 
 
 def _set_control_mode(board: JointBoardState, axis: int, values: Values) -> None:
-    mode = int(_number(values))
+    mode = int(number(values))
     wanted = MODES[BoardMode(mode)] if mode in _KNOWN_MODES else None
     if wanted is None or not (board.parameters[axis].configured or mode in _WITHOUT_POWER):
         board.rejected += 1
@@ -66,15 +59,15 @@ def _position_move(board: JointBoardState, axis: int, values: Values) -> None:
     axes = _accepted(board, axis, "position", TRAJECTORY_MODES)
     if axes is not None:
         ticks = board.parameters[axis].ticks
-        board.boards.speeds[axes] = max(_number(values, 1), 1.0) * m.POSITION_MOVE.fields[1].factor / ticks
-        board.boards.move(axes, np.array([_number(values) / ticks]))
+        board.boards.speeds[axes] = max(number(values, 1), 1.0) * m.POSITION_MOVE.fields[1].factor / ticks
+        board.boards.move(axes, np.array([number(values) / ticks]))
 
 
 def _velocity_move(board: JointBoardState, axis: int, values: Values) -> None:
     axes = _accepted(board, axis, "velocity", VELOCITY_MODES)
     if axes is not None:
         parameters = board.parameters[axis]
-        speed, acceleration = parameters.speed(_number(values)), parameters.acceleration(_number(values, 1))
+        speed, acceleration = parameters.speed(number(values)), parameters.acceleration(number(values, 1))
         board.boards.run(axes, np.array([speed]), np.array([acceleration]))
         if parameters.velocity_timeout is not None:
             board.boards.expire_after(axes, parameters.velocity_timeout)
@@ -83,7 +76,7 @@ def _velocity_move(board: JointBoardState, axis: int, values: Values) -> None:
 def _command_position(board: JointBoardState, axis: int, values: Values) -> None:
     axes = _accepted(board, axis, "direct", _DIRECT)
     if axes is not None:
-        board.boards.follow(axes, np.array([_number(values) / board.parameters[axis].ticks]))
+        board.boards.follow(axes, np.array([number(values) / board.parameters[axis].ticks]))
 
 
 def _stop(board: JointBoardState, axis: int, _values: Values) -> None:
@@ -99,7 +92,7 @@ def _calibrate(board: JointBoardState, axis: int, _values: Values) -> None:
 
 
 def _set_current_limit(board: JointBoardState, axis: int, values: Values) -> None:
-    board.boards.set_max_current(board.axes[axis], _number(values) * m.CURRENT_LIMIT.fields[0].factor)
+    board.boards.set_max_current(board.axes[axis], number(values) * m.CURRENT_LIMIT.fields[0].factor)
 
 
 def _set_interaction(board: JointBoardState, axis: int, values: Values) -> None:
@@ -113,19 +106,19 @@ def _set_interaction(board: JointBoardState, axis: int, values: Values) -> None:
 
 
 def _set_broadcasts(board: JointBoardState, _axis: int, values: Values) -> None:
-    board.mask = int(_number(values))
+    board.mask = int(number(values))
 
 
 def _set_velocity_shift(board: JointBoardState, axis: int, values: Values) -> None:
-    board.parameters[axis].velocity_shift = min(max(int(_number(values)), 0), _GREATEST_SHIFT)
+    board.parameters[axis].velocity_shift = min(max(int(number(values)), 0), _GREATEST_SHIFT)
 
 
 def _set_estimator_shifts(board: JointBoardState, axis: int, values: Values) -> None:
-    board.parameters[axis].estimator_shifts = [min(int(_number(values, place)), _GREATEST_SHIFT) for place in range(4)]
+    board.parameters[axis].estimator_shifts = [min(int(number(values, place)), _GREATEST_SHIFT) for place in range(4)]
 
 
 def _set_velocity_timeout(board: JointBoardState, axis: int, values: Values) -> None:
-    board.parameters[axis].velocity_timeout = _number(values) * m.VELOCITY_TIMEOUT.fields[0].factor
+    board.parameters[axis].velocity_timeout = number(values) * m.VELOCITY_TIMEOUT.fields[0].factor
 
 
 def _write_flash(board: JointBoardState, _axis: int, _values: Values) -> None:
@@ -218,9 +211,7 @@ def _drive(board: JointBoardState, axis: int) -> None:
 
 
 def _set_information(board: JointBoardState, _axis: int, values: Values) -> None:
-    block, content = int(_number(values)), values[1]
-    if block < len(board.information) and isinstance(content, bytes):
-        board.information[block] = content
+    set_information(board, values)
 
 
 def _get_information(board: JointBoardState, axis: int, _values: Values) -> None:
@@ -283,27 +274,7 @@ def _calibration(board: JointBoardState, axis: int) -> Values:
 
 
 def _version(board: JointBoardState, axis: int, values: Values) -> None:
-    major, minor = board.protocol
-    agreed = major == values[0] and minor >= _number(values, 1)
-    board.send(m.VERSION.value, board.board_type, *board.firmware, major, minor, int(agreed), axis=axis)
-
-
-def _discovered(board: JointBoardState, _axis: int, _values: Values) -> None:
-    """Answer, with motors and broadcasts off."""
-    board.send(s.DISCOVER.value, board.board_type, *board.firmware)
-    board.mask = 0
-    for column in board.axes:
-        board.boards.request_mode(column, ControlMode.IDLE)
-
-
-def _ping(board: JointBoardState, _axis: int, _values: Values) -> None:
-    board.send(s.PING.value, 1)
-
-
-def _jump_to_loader(board: JointBoardState, _axis: int, _values: Values) -> None:
-    for column in board.axes:
-        board.boards.request_mode(column, ControlMode.IDLE)
-    board.silent = True
+    board.answer_version(m.VERSION, values, axis)
 
 
 _LIVE: dict[str, Answer] = {
@@ -349,8 +320,5 @@ HANDLERS: dict[str, Handler] = (
         m.INFORMATION.set.name: _set_information,
         m.INFORMATION.get.name: _get_information,
         m.VERSION.get.name: _version,
-        s.DISCOVER.get.name: _discovered,
-        s.PING.get.name: _ping,
-        s.JUMP_TO_LOADER.name: _jump_to_loader,
     }
 )

@@ -8,15 +8,15 @@ from rtf.robot.control_modes import ControlMode
 from rtf.robot.devices.can import motor_messages as m
 from rtf.robot.devices.can.codes import BoardMode, BoardState, BoardType, CanState, JointFault
 from rtf.robot.devices.motor_board import ERROR_LIMIT, OVERCURRENT, OVERHEATED
+from rtf.simulator.firmware.board import Board
 from rtf.simulator.firmware.parameters import AxisParameters, feedforward_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rtf.robot.devices.can.messages import Message
     from rtf.simulator.boards import Boards
     from rtf.simulator.firmware.readings import Readings
-    from rtf.simulator.firmware.wire import Connection
+    from rtf.simulator.firmware.wire import Wire
 
 #: The axes of a board.
 AXES = 2
@@ -25,18 +25,15 @@ _HOT = (BoardState.TEMPERATURE_1, BoardState.TEMPERATURE_2)
 _MOST = 255
 
 
-class JointBoardState:
+class JointBoardState(Board):
     """The state of a board at ``address`` with one or two ``axes`` of the robot, numbers of columns in ``boards``.
 
-    ``firmware`` and ``protocol`` are the versions that it claims. ``silent``: it is in its boot loader and neither
-    listens nor speaks. ``rejected`` counts the frames that were no messages for it. ``flash`` is what is left
-    after a reset.
+    ``flash`` is what is left after a reset.
     """
-
-    connection: Connection
 
     def __init__(
         self,
+        wire: Wire,
         address: int,
         boards: Boards,
         axes: Sequence[int],
@@ -44,13 +41,9 @@ class JointBoardState:
         *,
         board_type: BoardType = BoardType.BLL,
     ) -> None:
-        self.address: int | None = address
+        super().__init__(wire, address, board_type)
         self.boards, self.axes, self.readings = boards, tuple(axes), readings
         self.columns = (*self.axes, readings.none)[:AXES]  # of the readings
-        self.board_type = board_type
-        self.firmware, self.protocol = (3, 5, 0), (1, 6)
-        self.rejected = 0
-        self.ignored: set[str] = set()  # the names of messages that a faulty board does not obey
         self.flash: tuple[dict[str, tuple[float | bytes, ...]], ...] = tuple(
             {m.MODEL_PARAMETERS.set.name: feedforward_of(boards.pids[axis], float(boards.resolution[axis]))}
             for axis in axes
@@ -69,10 +62,10 @@ class JointBoardState:
             if self.boards.mode[axis] != ControlMode.HARDWARE_FAULT:
                 self.boards.enter(axis, ControlMode.IDLE)
 
-    def send(self, message: Message, *values: float | bytes, axis: int = 0) -> None:
-        """Send a message of this board."""
-        if self.address is not None and not self.silent:
-            self.connection.send(message.frame(self.address, *values, axis=axis))
+    def stop(self) -> None:
+        self.mask = 0
+        for axis in self.axes:
+            self.boards.request_mode(axis, ControlMode.IDLE)
 
     def status(self) -> tuple[int, ...]:
         """Return faults and modes of both axes, the states of CAN and of the board, and the counts of errors."""

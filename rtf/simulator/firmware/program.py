@@ -15,6 +15,7 @@ from rtf.simulator.console import say
 from rtf.simulator.firmware.boards_on_buses import Firmware
 from rtf.simulator.firmware.bridge import Bridge
 from rtf.simulator.plant import Options, build
+from rtf.simulator.robot_sensors import RobotSensors
 from rtf.simulator.simulation import Simulation
 
 if TYPE_CHECKING:
@@ -65,18 +66,18 @@ def run_boards(program: BoardsProgram) -> int:
     with signal_listener(on_signal), ExitStack() as opened:
         try:
             simulation = Simulation(build(program.model, Options(unit=program.unit)), seed=program.seed, factor=1.0)
-            firmware = Firmware(simulation, program.parts or None)
+            firmware = Firmware(simulation, program.parts or None, RobotSensors(simulation))
             for name, settings in program.buses(list(firmware.wires)):
                 bridge = Bridge(firmware.wires[name], settings, simulation, _warn)
                 opened.callback(bridge.close)
-                boards = [board for board in firmware.boards if board.wire is bridge.wire]
+                boards = [board for board in firmware.all_boards if board.wire is bridge.wire]
                 addresses = ", ".join(f"{board.address} {board.board_type.name}" for board in boards)
                 say(f"{name}: {settings.name} {dict(settings.options) or ''}: boards {addresses}")
         except (RtfError, OSError) as error:
             say(f"FAILED: the boards of {program.model.name} could not be started: {error}")
             return FAILED
         took = clock.monotonic() - began
-        say(f"READY in {took:.2f} s: boards {len(firmware.boards)}, buses {len(firmware.wires)}")
+        say(f"READY in {took:.2f} s: boards {len(firmware.all_boards)}, buses {len(firmware.wires)}")
         while not end.is_set():
             simulation.advance(simulation.now + _STRIDE)
     return FINE

@@ -49,7 +49,7 @@ def boards(port: int) -> Iterator[subprocess.Popen[str]]:
                 line = process.stderr.readline()
                 assert line, said
                 said += line
-            assert re.search(r"arm0: udp_multicast .*: boards 1 BLL\n", said)
+            assert re.search(r"arm0: udp_multicast .*: boards 1 BLL, 14 MTB4\n", said)
             yield process
         finally:
             process.kill()
@@ -62,8 +62,9 @@ def test_a_host_finds_asks_and_hears_the_boards():
         bus = CanBus(BusSettings("udp_multicast", MULTICAST_GROUP, options=(("port", port),)))
         try:
             exchange = Exchange(bus, timeout=1.0)
-            (found,) = exchange.discover(1.0)
+            found, imu = exchange.discover(1.0)
             assert (found.board, found.board_type) == (1, BoardType.BLL)
+            assert (imu.board, imu.board_type) == (14, BoardType.MTB4)
             assert exchange.ask(m.CONTROL_MODE, 1) == (BoardMode.IDLE,)
             bus.send(m.BROADCASTS.frame(1, 0b1))
             position = m.BROADCAST_POSITION.identifier(1)

@@ -12,7 +12,8 @@
 ``PIDS``       ``Pid0`` …: kp, kd, ki, integral limit, output limit, shift, offset, as boards have them;
                ``TORQUE_PIDS`` with ``TPid0`` … likewise
 ``STICTION``   ``Up``, ``Down`` (counts)
-``IMPEDANCE``  ``stiffnessToSensor``, ``dampingToSensor``: counts for 1 Nm/deg and 1 Nm s/deg
+``IMPEDANCE``  ``stiffnessToSensor``, ``dampingToSensor``: counts for 1 Nm/deg and 1 Nm s/deg; ``stiffness``
+               (Nm/deg) and ``damping`` (Nm s/deg) at the start
 ``FOC``        ``MotorPoles``, ``HasHallSensor``, ``HasQuadratureEncoder``, ``HasTempSensor``, ``HasIndex``,
                ``RotorEncoderResolution``, ``PositionGain`` (1/s), ``CurrentPid0`` … and ``VelocityPid0`` …
 ``COUPLINGS``  ``matrixJ2M``
@@ -183,7 +184,9 @@ def _axes(configuration: Property, given: list[BoardAxis], scales: list[AxisScal
     """Return the axes with their limits, gearboxes and controllers."""
     joints, usual = len(given), given[0]
     limits, general, stiction = (Rows(configuration, name, joints) for name in ("LIMITS", "GENERAL", "STICTION"))
-    impedance = Rows(configuration, "IMPEDANCE", joints).row("stiffnessToSensor", default=0.0)
+    impedance = Rows(configuration, "IMPEDANCE", joints)
+    able = impedance.row("stiffnessToSensor", default=0.0)
+    stiffness, damping = (impedance.positive(what, default=0.0) for what in ("stiffness", "damping"))
     gearboxes = general.scale("Gearbox_M2J", default=1.0)
     supplies = general.positive("supplyVoltage", default=usual.supply_voltage)
     up, down = stiction.row("Up", default=0.0), stiction.row("Down", default=0.0)
@@ -220,7 +223,9 @@ def _axes(configuration: Property, given: list[BoardAxis], scales: list[AxisScal
                 max_current=float(overload[joint]),
                 temperature_limit=float(heat[joint]),
                 duty_limit=min(abs(scale.per_cent(float(duties[joint]))), 100.0),
-                torque_controlled=bool(impedance[joint]),
+                torque_controlled=bool(able[joint]),
+                stiffness=float(stiffness[joint]),
+                damping=float(damping[joint]),
                 pid=scale.pid(raw),
             )
         )

@@ -141,7 +141,11 @@ class CanSensors(Device, IAnalogSensor, IMultipleAnalogSensors):
         return found[index]
 
     def _status(self, one: Sensor) -> SensorStatus:
-        if self._bus is None or one.stamp == NEVER:
+        bus = self._bus
+        if bus is not None and not bus.threaded:
+            while bus.poll():
+                pass
+        if bus is None or one.stamp == NEVER:
             return SensorStatus.WAITING_FOR_FIRST_READ
         if clock.current().now() - one.stamp > self._timeout:
             return SensorStatus.TIMEOUT

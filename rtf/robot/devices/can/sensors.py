@@ -31,7 +31,7 @@ _AXES, _CHANNELS, _MAIS = 3, 6, 15
 _STRAIN = frozenset({BoardType.STRAIN, BoardType.STRAIN2})
 _TRIANGLES, _TAXELS, _FIRST = 16, 12, 7  # triangles of a board, taxels of a triangle, and of its first message
 _SECOND_PART = 0x80
-_LONGEST_PERIOD = 255  # ms: one byte
+_PERIOD, _LONGEST_PERIOD = 10, 255  # ms: one byte
 
 
 class CanStrain(CanSensors):
@@ -47,7 +47,7 @@ class CanStrain(CanSensors):
 
     def configure(self, configuration: Property) -> list[Sensor]:
         self._address = address_of(configuration)
-        self._period = parameters.count(configuration, "period", 10, _LONGEST_PERIOD)
+        self._period = parameters.count(configuration, "period", _PERIOD, _LONGEST_PERIOD)
         self._calibrated = parameters.flag(configuration, "useCalibration", default=True)
         name = as_string(configuration.get("sensorName", self.name))
         scales, matrix = Rows(configuration, None, _CHANNELS), Rows(configuration, None, _CHANNELS**2)
@@ -70,10 +70,7 @@ class CanStrain(CanSensors):
             found = [exchange.ask(messages.FULL_SCALE, self._address, channel) for channel in range(_CHANNELS)]
             self._units = np.diag([float(scale) for _, scale in found])
         mode = StrainMode.CALIBRATED if self._calibrated else StrainMode.RAW
-        exchange.bus.send(
-            messages.SET_SENSOR_RATE.frame(self._address, self._period),
-            messages.SET_STRAIN_MODE.frame(self._address, mode),
-        )
+        start(exchange, self._address, self._period, mode)
 
     def take(self, got: Decoded, stamp: float) -> None:
         code = got.message.code
@@ -93,16 +90,23 @@ class CanStrain(CanSensors):
 
 
 class CanMais(CanSensors):
-    """``canBusMais``: a board with the fifteen hall sensors of a hand at ``canAddress``; values are 0 to 255."""
+    """``canBusMais``: a board with the fifteen hall sensors of a hand at ``canAddress``; values are 0 to 255.
+
+    ``period`` (ms, 10) is that of its messages.
+    """
 
     def configure(self, configuration: Property) -> list[Sensor]:
         self._address = address_of(configuration)
+        self._period = parameters.count(configuration, "period", _PERIOD, _LONGEST_PERIOD)
         self._low: tuple[float, ...] | None = None
         self._array = Sensor(SensorCategory.ENCODER_ARRAY, SensorInfo(self.name), np.zeros(_MAIS))
         return [self._array]
 
     def identifiers(self) -> list[int]:
         return [one.identifier(self._address) for one in (messages.MAIS_LOW, messages.MAIS_HIGH)]
+
+    def begin(self, exchange: Exchange) -> None:
+        start(exchange, self._address, self._period, StrainMode.CALIBRATED)
 
     def take(self, got: Decoded, stamp: float) -> None:
         values = tuple(float(value) for value in got.values)
@@ -117,15 +121,25 @@ class CanInertial(CanSensors):
     """``canBusInertialMTB``: a gyroscope and an accelerometer on each board of ``canAddresses``.
 
     ``gyroscopeScale`` (deg/s a count) and ``accelerometerScale`` (m/s² a count) are required: boards do not say them.
+    With ``magnetometerScale`` (T a count) and ``orientationScale`` (deg a count) they have these, too. ``sensorName``
+    is the name of the sensors; those of several boards have its address behind it.
     """
 
     def configure(self, configuration: Property) -> list[Sensor]:
         self._addresses = addresses_of(configuration)
-        gyroscope = parameters.positive(configuration, "gyroscopeScale")
-        acceleration = parameters.positive(configuration, "accelerometerScale")
-        self._scales = {SensorCategory.GYROSCOPE: gyroscope, SensorCategory.ACCELEROMETER: acceleration}
+        self._scales = {
+            category: parameters.positive(configuration, key)
+            for category, key in _SCALES.items()
+            if category in _REQUIRED or configuration.check(key)
+        }
+        name = as_string(configuration.get("sensorName", ""))
+        names = {
+            board: name if name and len(self._addresses) == 1 else f"{name or self.name}_{board}"
+            for board in self._addresses
+        }
+        frame = as_string(configuration.get("frameName", ""))
         self._by_board = {
-            (board, category): Sensor(category, SensorInfo(f"{self.name}_{board}"), np.zeros(_AXES))
+            (board, category): Sensor(category, SensorInfo(names[board], frame or names[board]), np.zeros(_AXES))
             for category, board in product(self._scales, self._addresses)
         }
         return list(self._by_board.values())
@@ -141,7 +155,7 @@ class CanInertial(CanSensors):
         }.get(got.message.code)
         if got.message is messages.INERTIAL_VECTOR:
             category = _VECTORS.get(int(got.values[1]))
-        if category is not None:
+        if category in self._scales:
             values = np.array(got.values[-_AXES:], dtype=np.float64) * self._scales[category]
             self._by_board[got.source, category].put(values, stamp)
 
@@ -149,19 +163,41 @@ class CanInertial(CanSensors):
 _VECTORS = {
     int(InertialKind.ACCELERATION): SensorCategory.ACCELEROMETER,
     int(InertialKind.ANGULAR_VELOCITY): SensorCategory.GYROSCOPE,
+    int(InertialKind.MAGNETIC_FIELD): SensorCategory.MAGNETOMETER,
+    int(InertialKind.ORIENTATION): SensorCategory.ORIENTATION,
 }
+_SCALES = {
+    SensorCategory.GYROSCOPE: "gyroscopeScale",
+    SensorCategory.ACCELEROMETER: "accelerometerScale",
+    SensorCategory.MAGNETOMETER: "magnetometerScale",
+    SensorCategory.ORIENTATION: "orientationScale",
+}
+_REQUIRED = frozenset({SensorCategory.GYROSCOPE, SensorCategory.ACCELEROMETER})
+
+
+def start(exchange: Exchange, board: int, period: int, mode: StrainMode) -> None:
+    """Have a board send, every ``period`` ms."""
+    exchange.bus.send(
+        messages.SET_SENSOR_RATE.frame(board, period),
+        messages.SET_STRAIN_MODE.frame(board, mode),
+    )
 
 
 class CanSkin(CanSensors):
     """``canBusSkin``: the taxels of the boards of ``canAddresses``, twelve for each of their sixteen triangles.
 
-    Values are those of the boards, 0 to 255. A board is well while any of its triangles sends.
+    Values are those of the boards, 0 to 255. A board is well while any of its triangles sends. With ``triangles``, the
+    number of all of them, the last board has the rest of them.
     """
 
     def configure(self, configuration: Property) -> list[Sensor]:
+        addresses = addresses_of(configuration)
+        all_of_them = _TRIANGLES * len(addresses)
+        triangles = parameters.count(configuration, "triangles", all_of_them, all_of_them)
+        sizes = [min(max(triangles - place * _TRIANGLES, 0), _TRIANGLES) for place in range(len(addresses))]
         self._patches = {
-            board: Sensor(SensorCategory.SKIN_PATCH, SensorInfo(f"{self.name}_{board}"), np.zeros(_TRIANGLES * _TAXELS))
-            for board in addresses_of(configuration)
+            board: Sensor(SensorCategory.SKIN_PATCH, SensorInfo(f"{self.name}_{board}"), np.zeros(size * _TAXELS))
+            for board, size in zip(addresses, sizes, strict=True)
         }
         return list(self._patches.values())
 
@@ -174,6 +210,8 @@ class CanSkin(CanSensors):
         second = bool(int(part) & _SECOND_PART)
         begin = got.message.code * _TAXELS + (_FIRST if second else 0)
         count = _TAXELS - _FIRST if second else _FIRST
+        if begin >= patch.values.size:  # a triangle that the configuration does not know
+            return
         values = patch.values.copy()
         values[begin : begin + count] = taxels[:count]
         patch.put(values, stamp)
