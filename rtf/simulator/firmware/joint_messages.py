@@ -114,7 +114,8 @@ def _set_velocity_shift(board: JointBoardState, axis: int, values: Values) -> No
 
 
 def _set_estimator_shifts(board: JointBoardState, axis: int, values: Values) -> None:
-    board.parameters[axis].estimator_shifts = [min(int(number(values, place)), _GREATEST_SHIFT) for place in range(4)]
+    shifts = [min(int(number(values, place)), _GREATEST_SHIFT) for place in range(4)]
+    board.readings.set_shifts(board.axes[axis], shifts)
 
 
 def _set_velocity_timeout(board: JointBoardState, axis: int, values: Values) -> None:
@@ -199,6 +200,7 @@ def _apply_pwm_limit(board: JointBoardState, axis: int) -> None:
 
 
 def _exert(board: JointBoardState, axis: int) -> None:
+    board.readings.set_desired_torque(board.axes[axis], board.parameters[axis].number(m.DESIRED_TORQUE))
     axes = _accepted(board, axis, "torque", _TORQUE)
     if axes is not None:
         board.boards.exert(axes, np.array([board.parameters[axis].number(m.DESIRED_TORQUE) / TORQUE_COUNTS]))
@@ -241,17 +243,9 @@ def _answer(question: Question, answer: Answer) -> Handler:
     return handle
 
 
-def _position(board: JointBoardState, axis: int) -> int:
-    return board.readings.positions()[board.axes[axis]]
-
-
-def _speed(board: JointBoardState, axis: int) -> int:
-    shift = board.parameters[axis].estimator_shifts[0]
-    return board.readings.speeds(shift)[board.axes[axis]]
-
-
 def _encoder(board: JointBoardState, axis: int) -> Values:
-    return _position(board, axis), _speed(board, axis)
+    column = board.axes[axis]
+    return board.readings.position(column), board.readings.speed(column)
 
 
 def _reference(board: JointBoardState, axis: int) -> Values:
@@ -288,13 +282,13 @@ _QUESTIONS: tuple[tuple[Question, Answer], ...] = (
     (m.CONTROL_MODE, lambda board, axis: (board.mode(axis),)),
     (m.MOTION_DONE, lambda board, axis: (int(board.boards.trajectories.done(board.axes[axis], board.boards.tick)),)),
     (m.ENCODER, _encoder),
-    (m.PID_ERROR, lambda board, axis: (board.readings.errors()[board.axes[axis]],)),
-    (m.PID_OUTPUT, lambda board, axis: (board.readings.outputs()[board.axes[axis]],)),
+    (m.PID_ERROR, lambda board, axis: (board.readings.error(board.axes[axis]),)),
+    (m.PID_OUTPUT, lambda board, axis: (board.readings.output(board.axes[axis]),)),
     (m.CALIBRATION_STATUS, _calibration),
     (m.POSITION_REFERENCE, _reference),
     (m.VELOCITY_REFERENCE, _velocity_reference),
     (m.ERROR_STATUS, lambda _board, _axis: (0,)),
-    (m.ENCODER_SPEED, lambda board, axis: (_speed(board, axis),)),
+    (m.ENCODER_SPEED, lambda board, axis: (board.readings.speed(board.axes[axis]),)),
     (m.INTERACTION, lambda board, axis: (int(_interaction(board, axis)),)),
 )
 #: By the name of the message.

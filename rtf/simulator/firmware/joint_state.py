@@ -9,7 +9,7 @@ from rtf.robot.devices.can import motor_messages as m
 from rtf.robot.devices.can.codes import BoardMode, BoardState, BoardType, CanState, JointFault
 from rtf.robot.devices.motor_board import ERROR_LIMIT, OVERCURRENT, OVERHEATED
 from rtf.simulator.firmware.board import Board
-from rtf.simulator.firmware.parameters import AxisParameters, feedforward_of
+from rtf.simulator.firmware.parameters import ESTIMATOR_SHIFT, AxisParameters, feedforward_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -43,7 +43,8 @@ class JointBoardState(Board):
     ) -> None:
         super().__init__(wire, address, board_type)
         self.boards, self.axes, self.readings = boards, tuple(axes), readings
-        self.columns = (*self.axes, readings.none)[:AXES]  # of the readings
+        first, second = self.columns = (*self.axes, readings.none)[:AXES]  # of the readings
+        self.place = readings.add(first, second)
         self.flash: tuple[dict[str, tuple[float | bytes, ...]], ...] = tuple(
             {m.MODEL_PARAMETERS.set.name: feedforward_of(boards.pids[axis], float(boards.resolution[axis]))}
             for axis in axes
@@ -59,6 +60,8 @@ class JointBoardState(Board):
         for parameters, written in zip(self.parameters, self.flash, strict=True):
             parameters.written = dict(written)
         for axis in self.axes:
+            self.readings.set_shifts(axis, [ESTIMATOR_SHIFT] * 4)
+            self.readings.set_desired_torque(axis, 0.0)
             if self.boards.mode[axis] != ControlMode.HARDWARE_FAULT:
                 self.boards.enter(axis, ControlMode.IDLE)
 

@@ -50,9 +50,7 @@ class AxisParameters:
     def __init__(self, ticks: float) -> None:
         self.ticks = ticks
         self.velocity_shift = VELOCITY_SHIFT
-        self.estimator_shifts = [ESTIMATOR_SHIFT] * 4
         self.velocity_timeout: float | None = None
-        self.desired_torque = 0.0  # counts
         self.written: dict[str, tuple[float | bytes, ...]] = {}
 
     @property
@@ -67,8 +65,6 @@ class AxisParameters:
             whole = self.value(setting)
             values = (*whole[:place], *values, *whole[place + 1 :])
         self.written[setting.set.name] = values
-        if setting is m.DESIRED_TORQUE:
-            self.desired_torque = self.number(setting)
 
     def value(self, setting: Setting) -> tuple[float | bytes, ...]:
         """Return the values of a setting; zeros until it was set."""

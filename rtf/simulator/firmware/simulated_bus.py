@@ -1,13 +1,12 @@
-"""A simulated bus as a bus of python-can, for drivers in the process of the simulation.
+"""A simulated bus as a bus of the drivers in the process of the simulation.
 
-It has no thread: what arrives is taken by who asks, and a driver whose cycles run in the simulation's thread never
-waits. In other threads ``recv`` waits by the robot's clock.
+It has no thread: a frame is taken by the receivers within the step in which it passes, and a driver whose cycles run in
+the simulation's thread never waits. In other threads ``poll`` waits by the robot's clock.
 """
 
 from __future__ import annotations
 
 import errno
-from collections import deque
 from typing import TYPE_CHECKING
 
 from rtf import clock
@@ -21,32 +20,39 @@ if TYPE_CHECKING:
 
     from rtf.simulator.firmware.boards_on_buses import Firmware
     from rtf.simulator.firmware.wire import Wire
+    from rtf.simulator.simulation import Simulation
 
 #: The interface of the buses of a simulated robot, in configurations.
 INTERFACE = "simulated"
-#: The frames that may wait to be read. Further ones push out the oldest.
-_UNREAD = 10_000
 #: Seconds of the robot's clock between two looks for a frame.
 _LOOK = 0.001
 
 
-class SimulatedBus(can.BusABC):
+class SimulatedBus(CanBus):
     """A host on a wire."""
+
+    def __init__(self, wire: Wire, firmware: Firmware, report: Callable[[str], None]) -> None:
+        self._wire = wire
+        self._simulation = firmware.simulation
+        super().__init__(BusSettings(INTERFACE, wire.name), report=report, threaded=False, opener=self._attach)
+
+    def _attach(self, _settings: BusSettings) -> can.BusABC:
+        return _Host(self._wire, self._simulation, self.take)
+
+
+class _Host(can.BusABC):
+    """A host on a wire as an interface of python-can, but for frames that arrive: ``receive`` gets them."""
 
     address: int | None = None
 
-    def __init__(self, wire: Wire, firmware: Firmware) -> None:
+    def __init__(self, wire: Wire, simulation: Simulation, receive: Callable[[Frame, float], None]) -> None:
         super().__init__(channel=wire.name)
         self.channel_info = f"{INTERFACE} {wire.name}"
+        self.receive = receive
         self._wire = wire
-        self._simulation = firmware.simulation
-        self._arrived: deque[tuple[Frame, float]] = deque(maxlen=_UNREAD)
-        with firmware.simulation.lock:
+        self._simulation = simulation
+        with simulation.lock:
             self.connection = wire.attach(self)
-
-    def receive(self, frame: Frame, time: float) -> None:
-        """Keep a frame. Called within a step of the simulation."""
-        self._arrived.append((frame, time))
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Queue a frame. Raises CanOperationError if there is no room, or the host is off the bus."""
@@ -57,22 +63,10 @@ class SimulatedBus(can.BusABC):
             off = self.connection.off
             raise can.CanOperationError("off the bus" if off else "no room", None if off else errno.ENOBUFS)
 
-    def recv(self, timeout: float | None = None) -> can.Message | None:
-        """Return the next frame, with the simulated time of its end; None if none comes within ``timeout`` s."""
-        if not self._arrived and not self._wait(timeout):
-            return None
-        frame, stamp = self._arrived.popleft()
-        return can.Message(timestamp=stamp, arbitration_id=frame.identifier, data=frame.data, is_extended_id=False)
-
-    def _wait(self, timeout: float | None) -> bool:
-        """Wait for a frame; return whether there is one."""
-        if timeout == 0.0 or self._simulation.is_computing_here:
-            return False
-        time = clock.current()
-        end = time.now() + (float("inf") if timeout is None else timeout)
-        while not self._arrived and time.now() < end:
-            time.sleep(_LOOK)
-        return bool(self._arrived)
+    def recv(self, timeout: float | None = None) -> None:
+        """Let some time pass, as frames arrive meanwhile; return at once in the thread of the simulation."""
+        if timeout and not self._simulation.is_computing_here:
+            clock.current().sleep(min(timeout, _LOOK))
 
     def shutdown(self) -> None:
         """Leave the wire; a second call has no effect."""
@@ -84,15 +78,7 @@ class SimulatedBus(can.BusABC):
 
 def provide_buses(firmware: Firmware, report: Callable[[str], None]) -> Callable[[], None]:
     """Share all buses of a simulated robot with the drivers of this process. Return what ends that."""
-    buses = [
-        CanBus(
-            BusSettings(INTERFACE, name),
-            report=report,
-            threaded=False,
-            opener=lambda _settings, wire=wire: SimulatedBus(wire, firmware),  # type: ignore[misc]  # bound at once
-        )
-        for name, wire in firmware.wires.items()
-    ]
+    buses = [SimulatedBus(wire, firmware, report) for wire in firmware.wires.values()]
     for bus in buses:
         provide(bus)
 

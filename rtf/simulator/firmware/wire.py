@@ -56,7 +56,8 @@ class Connection:
         self.node = node
         self.sender_errors = self.receiver_errors = self.lost = self.waiting = 0
         self.off = False
-        self._wire = wire
+        self.receive = node.receive
+        self._queue = wire.queue
 
     def send(self, frame: Frame) -> bool:
         """Queue a frame; return whether there was room, and the node is on the bus."""
@@ -64,7 +65,7 @@ class Connection:
             self.lost += 1
             return False
         self.waiting += 1
-        self._wire.queue(frame, self)
+        self._queue(frame, self)
         return True
 
     def recover(self) -> None:
@@ -91,8 +92,7 @@ class Wire:
         self.disturbances: list[Callable[[Frame, float], bool]] = []
         self.filters: list[Callable[[Frame, float], Iterable[Frame]]] = []
         self._nodes: list[Connection] = []
-        self._boards: dict[int, list[Connection]] = {}
-        self._everything: list[Connection] = []  # the connections that get all frames
+        self._receivers: dict[int, list[Connection]] = {}  # by identifier, as far as they were asked for
         self._waiting: list[_Entry] = []
         self._order = itertools.count()
         self._debt = 0  # bits of the step that the last frame took beyond its end
@@ -101,20 +101,13 @@ class Wire:
         """Connect a node. Several boards may have one address, as by a mistake."""
         connection = Connection(self, node)
         self._nodes.append(connection)
-        if node.address is None:
-            self._everything.append(connection)
-        else:
-            self._boards.setdefault(node.address, []).append(connection)
+        self._receivers.clear()
         return connection
 
     def detach(self, connection: Connection) -> None:
         """Disconnect a node; what it still had to send is lost."""
         self._nodes.remove(connection)
-        if connection in self._everything:
-            self._everything.remove(connection)
-        for boards in self._boards.values():
-            if connection in boards:
-                boards.remove(connection)
+        self._receivers.clear()
         self._forget(connection)
 
     def queue(self, frame: Frame, sender: Connection) -> None:
@@ -122,26 +115,30 @@ class Wire:
         heapq.heappush(self._waiting, (frame[0], next(self._order), frame, sender))
 
     def step(self, now: float) -> None:
-        """Send for a millisecond, from the simulated time ``now`` (s) on."""
-        used, waiting = self._debt, self._waiting
+        """Send for a millisecond, from the simulated time ``now`` (s) on. One loop, as it runs for every frame."""
+        waiting, used, passed = self._waiting, self._debt, self._debt
         while waiting and used < _BITS_A_STEP:
             entry = heapq.heappop(waiting)
-            _, _, frame, sender = entry
-            rivals = self._rivals(entry) if waiting and waiting[0][0] == entry[0] else []
-            time = now + used / BIT_RATE
-            if rivals or (self.disturbances and any(damaged(frame, time) for damaged in self.disturbances)):
+            identifier, _, frame, sender = entry
+            rivals = self._rivals(entry) if waiting and waiting[0][0] == identifier else ()
+            if rivals or (self.disturbances and self._disturbed(frame, now + used / BIT_RATE)):
                 used += _ERROR_BITS
                 self._send_again([entry, *rivals])
                 continue
-            bits = frame_bits(frame)
-            used += bits
+            used += frame_bits(frame)
             self.frames += 1
             sender.waiting -= 1
             if sender.sender_errors:
                 sender.sender_errors -= 1
-            self._deliver(frame, sender, now + used / BIT_RATE)
-        self.bits += used - self._debt
+            if self.filters:
+                self._deliver(frame, sender, now + used / BIT_RATE)
+            else:
+                self.hand_over(frame, now + used / BIT_RATE, sender)
+        self.bits += used - passed
         self._debt = max(0, used - _BITS_A_STEP)
+
+    def _disturbed(self, frame: Frame, time: float) -> bool:
+        return any(damaged(frame, time) for damaged in self.disturbances)
 
     def _rivals(self, first: _Entry) -> list[_Entry]:
         """Take the frames of other nodes with the same identifier and other data: they spoil each other."""
@@ -178,7 +175,7 @@ class Wire:
         heapq.heapify(self._waiting)
 
     def _deliver(self, frame: Frame, sender: Connection, time: float) -> None:
-        """Pass a frame to those that it is for."""
+        """Pass on what faults make of a frame."""
         frames: Iterable[Frame] = (frame,)
         for faulty in self.filters:
             frames = [after for before in frames for after in faulty(before, time)]
@@ -187,18 +184,19 @@ class Wire:
 
     def hand_over(self, frame: Frame, time: float, sender: Connection | None = None) -> None:
         """Give a frame to the nodes that it is for, but its sender."""
-        for receiver in self._receivers(frame[0]):
+        receivers = self._receivers.get(frame[0])
+        if receivers is None:
+            receivers = self._receivers[frame[0]] = self._receivers_of(frame[0])
+        for receiver in receivers:
             if receiver is not sender and not receiver.off:
                 if receiver.receiver_errors:
                     receiver.receiver_errors -= 1
-                receiver.node.receive(frame, time)
+                receiver.receive(frame, time)
 
-    def _receivers(self, identifier: int) -> list[Connection]:
+    def _receivers_of(self, identifier: int) -> list[Connection]:
         """Return the nodes that take frames with an identifier: boards take requests and setpoints only."""
         kind, source, destination = identifier >> 8, identifier >> 4 & 0xF, identifier & 0xF
-        if identifier != _PERIODIC_TO_BOARDS and (kind not in POLLING or source != HOST):
-            return self._everything
-        if destination == EVERYONE:
-            return self._nodes
-        boards = self._boards.get(destination)
-        return self._everything if not boards else [*self._everything, *boards]
+        to_boards = identifier == _PERIODIC_TO_BOARDS or (kind in POLLING and source == HOST)
+        addresses = {None, destination} if to_boards else {None}
+        everyone = to_boards and destination == EVERYONE
+        return [one for one in self._nodes if everyone or one.node.address in addresses]

@@ -75,7 +75,8 @@ class CanBus:
     """A bus. All methods may be called from any thread, but ``poll`` by one at a time.
 
     ``report`` is called with a sentence when the bus is lost or found again, and when frames are dropped.
-    Without ``threaded``, nothing is read but by ``poll``: for simulations, whose time stands still meanwhile.
+    Without ``threaded``, nothing is read but by ``poll``, or an interface calls ``take`` by itself: for simulations,
+    whose time stands still meanwhile.
     """
 
     def __init__(
@@ -201,28 +202,30 @@ class CanBus:
         if message.is_error_frame:
             self._error_frame(message.arbitration_id)
         elif not (message.is_extended_id or message.is_remote_frame or message.is_fd):
-            self._take(Frame(message.arbitration_id, bytes(message.data)), message.timestamp)
+            stamp = message.timestamp
+            if self._thread is not None:  # without one, a simulation makes the stamps
+                now = clock.current().now()
+                stamp = stamp if abs(stamp - now) <= _NEAR else now
+            self.take(Frame(message.arbitration_id, bytes(message.data)), stamp)
         return True
 
-    def _take(self, frame: Frame, stamp: float) -> None:
-        if self._thread is not None:  # without one, a simulation makes the stamps
-            now = clock.current().now()
-            if abs(stamp - now) > _NEAR:
-                stamp = now
+    def take(self, frame: Frame, stamp: float) -> None:
+        """Pass a frame to its receivers."""
         self.counters.received += 1
         self._count(frame, stamp)
-        for receive in self._receivers[frame.identifier]:
+        for receive in self._receivers[frame[0]]:
             try:
                 receive(frame, stamp)
             except RobotError as error:
                 self._tell(f"the CAN bus {self.name}: {error}")
 
     def _count(self, frame: Frame, stamp: float) -> None:
-        traffic = self.traffic.get(frame.identifier)
+        identifier, data = frame
+        traffic = self.traffic.get(identifier)
         if traffic is None:
-            traffic = self.traffic[frame.identifier] = Traffic()
+            traffic = self.traffic[identifier] = Traffic()
         traffic.frames += 1
-        traffic.data = frame.data
+        traffic.data = data
         traffic.stamp = stamp
 
     def _read(self) -> None:

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from rtf.robot.devices.board_axes import BoardAxis
     from rtf.robot.devices.board_driver import Setpoints
     from rtf.robot.devices.can.axis_link import AxisLink, Sent
+    from rtf.robot.devices.can.codec import Decoded
     from rtf.robot.extended_state import ExtendedState
 
 #: The codes of faults that are found here; those that a board reports begin at ``FIRST_FAULT`` with bit 0.
@@ -68,7 +69,9 @@ class CanMotionControl(BoardDriver):
         self._meter: LoadMeter | None = None
         self._load = Load(0.0, 0.0)
         self._measured = NEVER
-        self._end: Callable[[], None] | None = None
+        self._ends: list[Callable[[], None]] = []
+        self._latest: dict[int, tuple[Frame, float]] = {}  # by identifier, with the time
+        self._seen: dict[int, tuple[Frame, float]] = {}  # those of them that were decoded
         self._links: list[AxisLink] = []
         self._of_board: dict[int, list[AxisLink]] = {}
         self._warned: dict[int, tuple[str, ...]] = {}
@@ -100,6 +103,7 @@ class CanMotionControl(BoardDriver):
     def _link(self, settings: CanSettings) -> None:
         """Make the links of the axes, of the types of their boards."""
         self._links, self._of_board, self._warned, self._damaged = [], {}, {}, 0
+        self._latest, self._seen = {}, {}
         for one in settings.axes:
             scale = replace(one.scale, saturated=self._saturation(one.axis.name))
             drives = self.versions[one.board].board_type in FOC_BOARDS
@@ -140,7 +144,8 @@ class CanMotionControl(BoardDriver):
         """Receive what the boards send, and wait for the first positions and the modes."""
         kind = MessageClass.MOTOR_PERIODIC << 8
         numbers = [kind | board << 4 | code for board in self._of_board for code in range(16)]
-        self._end = bus.subscribe(self._take, numbers + [board << 4 for board in self._of_board])
+        answers = [board << 4 for board in self._of_board]
+        self._ends = [bus.subscribe(self._take, numbers), bus.subscribe(self._take_answer, answers)]
         for link in self._links:
             if isinstance(link, JointLink):
                 bus.send(SET_BROADCASTS.frame(link.board, BROADCASTS))
@@ -163,6 +168,7 @@ class CanMotionControl(BoardDriver):
                 self._arrived.clear()
             else:
                 bus.poll(_SETPOINT_PERIOD)
+            self._take_latest()
 
     def disconnect(self) -> None:
         """Switch the motors off, have the boards send nothing more, and give the bus back."""
@@ -174,41 +180,60 @@ class CanMotionControl(BoardDriver):
             bus.send(*(SET_BROADCASTS.frame(link.board, 0) for link in self._links if isinstance(link, JointLink)))
         except BusError as error:
             self.report(f"the motors are not switched off: {error}")
-        if self._end is not None:
-            self._end()
+        for end in self._ends:
+            end()
+        self._ends = []
         if self._exchange is not None:
             self._exchange.close()
-        self._end = self._exchange = None
+        self._exchange = None
         bus.disclaim(self)
         unshare(bus)
 
     # Receiving -------------------------------------------------------------------------------------------------------
 
     def _take(self, frame: Frame, stamp: float) -> None:
-        """Keep what a board says. Called by the thread of the bus."""
-        links = self._of_board[frame.identifier >> 4 & 0xF]
-        try:
-            got = decode(frame.identifier, frame.data, links[0].dialect)
-        except MessageError as error:
-            self._damaged += 1
-            if self._damaged == 1:
-                self.report(f"{error} (the first of such frames; they are counted and ignored)")
-            return
-        if got.message.kind is MessageClass.MOTOR_PERIODIC:
-            for link in links:
-                link.take(got, stamp)
-            if not self._arrived.is_set():
-                self._arrived.set()
-        elif got.message in (CONTROL_MODE.value, FOC_CONTROL_MODE.value):
+        """Keep what a board broadcasts until it is read: only the latest of its kind counts then. For the bus."""
+        self._latest[frame[0]] = frame, stamp
+        if not self._arrived.is_set():
+            self._arrived.set()
+
+    def _take_answer(self, frame: Frame, stamp: float) -> None:
+        """Keep the mode that a board answers. Called by the thread of the bus."""
+        del stamp
+        links = self._of_board[frame.identifier >> 4]
+        got = self._decoded(frame, links)
+        if got is not None and got.message in (CONTROL_MODE.value, FOC_CONTROL_MODE.value):
             for link in links:
                 if link.index == got.axis:
                     link.feedback.mode = int(got.values[0])
 
+    def _decoded(self, frame: Frame, links: list[AxisLink]) -> Decoded | None:
+        """Return the message of a frame of the board of some axes; None, which is reported once, if there is none."""
+        try:
+            return decode(*frame, links[0].dialect)
+        except MessageError as error:
+            self._damaged += 1
+            if self._damaged == 1:
+                self.report(f"{error} (the first of such frames; they are counted and ignored)")
+            return None
+
+    def _take_latest(self) -> None:
+        """Decode the broadcasts that have arrived since the last call."""
+        for identifier, latest in list(self._latest.items()):
+            if latest is not self._seen.get(identifier):
+                self._seen[identifier] = latest
+                frame, stamp = latest
+                links = self._of_board[identifier >> 4 & 0xF]
+                got = self._decoded(frame, links)
+                if got is not None:
+                    for link in links:
+                        link.take(got, stamp)
+
     def read(self, state: ExtendedState) -> None:
         bus = self._connected()
         if not bus.threaded:
-            while bus.poll():
-                pass
+            bus.poll()
+        self._take_latest()
         now = self.time()
         got = [link.feedback for link in self._links]
         state.joint_positions[:] = [one.position for one in got]
