@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import expit
 
 from rtf.campaigns import Measured, Outcome
 from rtf.testing.verdict import Verdict
@@ -48,7 +49,7 @@ class Truth:
 
     def share(self, severity: float | np.ndarray) -> np.ndarray:
         """Return the true share that is found."""
-        shares: np.ndarray = 1.0 / (1.0 + (np.asarray(severity) / self.middle) ** -self.steepness)
+        shares: np.ndarray = expit(self.steepness * np.log(np.asarray(severity) / self.middle))
         return shares
 
     @property

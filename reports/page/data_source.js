@@ -138,7 +138,8 @@ async function unpack(element) {
   return new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip")));
 }
 
-async function blockJson(id) {
+/** The data of a block of a page that is one file; null if there is no such block. */
+export async function blockJson(id) {
   const element = document.getElementById(id);
   return element ? (await unpack(element)).json() : null;
 }

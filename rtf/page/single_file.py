@@ -1,6 +1,6 @@
 """The page as a single file: inline style and scripts, allowed by their hashes only, and a place for the data.
 
-``index.html`` refers to its files by ``<link rel="stylesheet" href="…">``, ``<script src="…" defer></script>`` and
+A page refers to its files by ``<link rel="stylesheet" href="…">``, ``<script src="…" defer></script>`` and
 ``<script type="module" src="…"></script>``; exactly these are replaced. A reference of any other form is an error,
 because a page that is opened offline could not load it.
 """
@@ -35,30 +35,33 @@ _CHARSET = '<meta charset="utf-8">'
 _END = "</head>"
 
 
-def page_in_pieces(sources: Mapping[str, str] | None = None) -> tuple[bytes, bytes]:
-    """Return the page before the data and after them. Raises BundleError.
+def page_in_pieces(sources: Mapping[str, str] | None = None, index: str = INDEX) -> tuple[bytes, bytes]:
+    """Return the page ``index`` before the data and after them. Raises BundleError.
 
     ``sources`` are the texts of the page's files by name, by default the shipped ones.
     """
     if sources is None:
         sources = {name: asset.text for name, asset in read_assets().items()}
-    return _Page(sources).pieces()
+    return _Page(sources, index).pieces()
 
 
 class _Page:
     """The page while its references are replaced; collects the hashes of the inline elements."""
 
-    def __init__(self, sources: Mapping[str, str]) -> None:
+    def __init__(self, sources: Mapping[str, str], index: str) -> None:
         self._sources = sources
+        self._index = index
         self._hashes: dict[str, list[str]] = {"script": [], "style": []}
 
     def pieces(self) -> tuple[bytes, bytes]:
-        index = self._source(INDEX)
+        index = self._source(self._index)
         self._refuse_other_references(index)
         text = _REFERENCE.sub(self._inline, index)
         for needed in (_CHARSET, _END):
             if index.count(needed) != 1:
-                raise BundleError(f"{INDEX} must have {needed} exactly once, where the policy or the data are inserted")
+                raise BundleError(
+                    f"{self._index} must have {needed} exactly once, where the policy or the data are inserted"
+                )
         # A policy applies to the elements after it.
         text = text.replace(_CHARSET, f"{_CHARSET}\n{self._policy()}", 1)
         head, _, tail = text.rpartition(_END)
@@ -66,15 +69,15 @@ class _Page:
 
     def _source(self, name: str) -> str:
         if name not in self._sources:
-            raise BundleError(f"{INDEX}: there is no file {name}")
+            raise BundleError(f"{self._index}: there is no file {name}")
         return self._sources[name].replace("\r\n", "\n")
 
-    @staticmethod
-    def _refuse_other_references(index: str) -> None:
+    def _refuse_other_references(self, index: str) -> None:
         left = _LEFT.search(_REFERENCE.sub("", index))
         if left is not None:
             raise BundleError(
-                f"{INDEX}: {left[0]} would be missing in a single file; see {__name__} for the supported references"
+                f"{self._index}: {left[0]} would be missing in a single file; "
+                f"see {__name__} for the supported references"
             )
 
     def _inline(self, match: re.Match[str]) -> str:

@@ -262,9 +262,10 @@ def test_the_places_for_policy_and_data_are_needed(missing: str):
         page(index__html=INDEX.replace(missing, ""))
 
 
-def test_our_page_becomes_one_file():
-    """The page has no references as one file, and a policy with hashes and nothing unsafe."""
-    head, tail = page_in_pieces()
+@pytest.mark.parametrize("index", ["index.html", "campaign.html"])
+def test_our_pages_become_one_file(index: str):
+    """A page has no references as one file, and a policy with hashes and nothing unsafe."""
+    head, tail = page_in_pieces(index=index)
     text = (head + tail).decode()
     assert re.findall(r"<script[^>]* src=|<link rel=\"stylesheet\"", text) == []
     (policy,) = re.findall(r'<meta http-equiv="Content-Security-Policy" content="([^"]*)">', text)
@@ -274,13 +275,14 @@ def test_our_page_becomes_one_file():
 
 
 @needs_node
-def test_our_modules_are_joined_to_a_correct_one(tmp_path: Path):
+@pytest.mark.parametrize("entry", ["main.js", "campaign.js"])
+def test_our_modules_are_joined_to_a_correct_one(tmp_path: Path, entry: str):
     """Node finds no error in the joined modules."""
     sources = {name: asset.text for name, asset in read_assets().items()}
-    assert check_syntax(join_modules(sources, "main.js"), tmp_path) == ""
+    assert check_syntax(join_modules(sources, entry), tmp_path) == ""
 
 
-@pytest.mark.parametrize("page", ["index.html", "logs.html", "applications.html"])
+@pytest.mark.parametrize("page", ["index.html", "logs.html", "applications.html", "campaign.html"])
 def test_pages_are_small(page: str):
     """What a browser loads for a page has less than 400 kB, and all of it is there."""
     files = {name: asset.text for name, asset in read_assets().items()}

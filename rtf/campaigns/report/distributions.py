@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rtf.campaigns.report.rates import Rate, exact_rate
-from rtf.campaigns.report.verdicts import judged
+from rtf.campaigns.report.verdicts import completed
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -82,7 +82,7 @@ class Distribution:
 
 
 def distributions(outcomes: Iterable[Outcome]) -> tuple[Distribution, ...]:
-    """Return the distributions of all measurements of judged runs on healthy robots, the least capable ones first."""
+    """Return the distributions of all measurements of completed runs on healthy robots, the least capable first."""
     found = [_distribution(key, group) for key, group in measured_groups(outcomes).items()]
     return tuple(sorted(found, key=_urgency))
 
@@ -94,7 +94,7 @@ def measured_groups(outcomes: Iterable[Outcome]) -> dict[Key, list[tuple[int, Me
     """Return the units and values of each measurement of healthy robots, by test, robot and name."""
     groups: dict[Key, list[tuple[int, Measured]]] = defaultdict(list)
     for outcome in outcomes:
-        if outcome.healthy and judged(outcome):
+        if outcome.healthy and completed(outcome):
             for name, measured in outcome.measurements.items():
                 groups[outcome.test, outcome.robot, name].append((outcome.unit, measured))
     return groups

@@ -24,7 +24,7 @@ _NEAR = 3.0
 
 @dataclass(frozen=True, slots=True)
 class FalseAlarms:
-    """How often a test fails healthy robots. ``unjudged`` runs ended as errors, inconclusive, blocked or such."""
+    """How often a test raises an alarm on healthy robots. ``unjudged`` runs ended inconclusive, blocked or such."""
 
     test: str
     robot: str

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from rtf.campaigns.report.costs import Choice, Cost, choices, costs
 from rtf.campaigns.report.detection import Curve, detection_curves
 from rtf.campaigns.report.distributions import Distribution, distributions
@@ -44,6 +46,7 @@ class Report:
     choices: tuple[Choice, ...]
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a test may measure numbers whose sum is none; the report has null then
 def make_report(outcomes: Sequence[Outcome], name: str, budget: float | None = None) -> Report:
     """Return the report of these outcomes; ``budget`` is the time for the chosen tests, in seconds."""
     curves = detection_curves(outcomes, severity_unit)

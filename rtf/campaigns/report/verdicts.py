@@ -1,6 +1,7 @@
-"""What a verdict says of the robot: a fault was found, none was found, or nothing.
+"""What a verdict says of the robot: a fault, none, or nothing. The same reading as that of the proof.
 
-The same reading as that of the proof: only ``failed`` finds a fault, and a test that could not judge says nothing.
+With a fault only ``failed`` finds it, and an error says nothing. On a healthy robot an error is a false alarm as well:
+somebody has to look at it.
 """
 
 from __future__ import annotations
@@ -16,18 +17,23 @@ if TYPE_CHECKING:
 
     from rtf.campaigns.outcomes import Outcome
 
-_FOUND = frozenset({Verdict.FAILED, Verdict.EXPECTED_FAILURE})
+_FAILED = frozenset({Verdict.FAILED, Verdict.EXPECTED_FAILURE})
 _QUIET = frozenset({Verdict.PASSED, Verdict.MEASURED, Verdict.FLAKY, Verdict.UNEXPECTED_PASS})
 
 
-def found(outcome: Outcome) -> bool:
-    """Return whether the test found a fault."""
-    return outcome.verdict in _FOUND
+def completed(outcome: Outcome) -> bool:
+    """Return whether the test came to a verdict of its own on the robot."""
+    return outcome.verdict in _FAILED or outcome.verdict in _QUIET
 
 
 def judged(outcome: Outcome) -> bool:
-    """Return whether the test found a fault or none. Errors, inconclusive and blocked tests did not judge."""
-    return outcome.verdict in _FOUND or outcome.verdict in _QUIET
+    """Return whether the outcome says something of the robot. Inconclusive and blocked tests say nothing."""
+    return completed(outcome) or (outcome.healthy and outcome.verdict is Verdict.ERROR)
+
+
+def found(outcome: Outcome) -> bool:
+    """Return whether a judged outcome says that something is wrong: a fault is found, or a false alarm raised."""
+    return outcome.verdict in _FAILED or (outcome.healthy and outcome.verdict is Verdict.ERROR)
 
 
 def first_attempt_failed(outcome: Outcome) -> bool:

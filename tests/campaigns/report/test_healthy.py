@@ -13,12 +13,13 @@ from simulated_truth import faulty, outcome
 PASSED, FAILED = Verdict.PASSED, Verdict.FAILED
 
 
-def test_false_alarms_are_failures_of_healthy_robots():
+@pytest.mark.parametrize("alarm", [FAILED, Verdict.ERROR])
+def test_false_alarms_are_failures_and_errors_on_healthy_robots(alarm: Verdict):
     """Faulty robots do not count, nor runs that judged nothing, which are counted apart."""
     outcomes = [
         *[outcome(PASSED, unit=unit) for unit in range(18)],
-        outcome(FAILED, unit=18),
-        outcome(Verdict.ERROR, unit=19),
+        outcome(alarm, unit=18),
+        outcome(Verdict.BLOCKED, unit=19),
         outcome(Verdict.INCONCLUSIVE, unit=19),
         faulty(1.0, found=True),
     ]
