@@ -51,6 +51,7 @@ SHIPPED: Mapping[str, str] = {
     "canBus": "rtf.robot.devices.can.bus_device:CanBusDevice",
     "canMotionControl": "rtf.robot.devices.can.motion_control:CanMotionControl",
     "canbusmotioncontrol": "rtf.robot.devices.can.motion_control:CanMotionControl",
+    "canBus_nws_yarp": "rtf.robot.boards.can_frames:CanFramesDevice",
     **_family(
         "rtf.robot.devices.can.sensors",
         canBusStrain="CanStrain",

@@ -133,6 +133,37 @@ _CAUSES: dict[str, tuple[str, ...]] = {
         "a wrong zero or scale of the encoder",
     ),
     "impedance": ("a wrong factor of the torque sensing", "a board that computes in other units", "a weak motor"),
+    "board silent": (
+        "a board without power, or off the bus after too many errors",
+        "another board with the same address",
+        "a loose connector of the bus",
+        "a wrong address in the configuration",
+    ),
+    "bus dead": ("a bus without power", "a broken cable or connector of the bus", "a driver that has ended"),
+    "bus load": (
+        "a board that sends without end",
+        "more broadcasts than the bus can carry",
+        "more boards on the bus than are meant to be",
+    ),
+    "frames of nobody": (
+        "a board with a faulty controller or memory",
+        "a board that is in no configuration",
+        "a board with another address than it should have",
+    ),
+    "frames lost": ("a host or an interface that is too slow", "a filter that is wrong", "an overloaded bus"),
+    "frames twice": (
+        "a node that misses acknowledgements and sends again",
+        "two boards with one address",
+        "a wrong type of board in its answer about its version",
+    ),
+    "frames overtaken": ("a gateway or a driver with several queues", "two boards with one address"),
+    "frames late": ("a gateway that holds frames back", "an overloaded bus", "a board whose main loop is overrun"),
+    "bus errors": (
+        "a missing termination resistor",
+        "a damaged cable or a loose connector of the bus",
+        "two boards with one address",
+        "another bit rate",
+    ),
     "references": ("a lost command", "a board that does not report the command it was given"),
 }
 

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from rtf.robot.model import RobotModel
     from rtf.robot_testing.proof.claims import Claim, Claims, Reason
 
-#: Faults of these layers end the simulator, which the other cases share; the tests of the fixture cover them.
-_NOT_IN_SUITES = frozenset({Layer.PROCESS, Layer.BUS})  # the robot ends; the robot of the proof has no buses
+#: Faults of this layer end the simulator, which the other cases share; the tests of the fixture cover them.
+_NOT_IN_SUITES = frozenset({Layer.PROCESS})
 
 #: The tests that need a simulator with cameras.
 _WITH_CAMERAS = ("CameraMotion", "CameraTest", "RgbdTest")
@@ -50,6 +50,7 @@ class Case:
     delay: float = 0.0
     duration: float | None = None
     robot: str = ""
+    simulator: dict[str, Any] = field(default_factory=dict)  # parameters of the fixture
 
     @property
     def name(self) -> str:
@@ -85,7 +86,13 @@ def cases_of(claims: Claims, *, fast: bool = False) -> Iterator[Case]:
     """Yield the cases of a test: the healthy robot, and each severity of each claim. ``fast``: marked claims only."""
     parameters = claims.parameters | (claims.fast_parameters if fast else {})
     yield Case(
-        claims.test, Expectation.HEALTHY, parameters=parameters, fast=True, timeout=claims.timeout, robot=claims.robot
+        claims.test,
+        Expectation.HEALTHY,
+        parameters=parameters,
+        fast=True,
+        timeout=claims.timeout,
+        robot=claims.robot,
+        simulator=claims.simulator,
     )
     for claim in claims.claims:
         if find_kind(claim.fault).layer in _NOT_IN_SUITES or (fast and not claim.fast):
@@ -132,6 +139,7 @@ def others_of(claims: Claims, reasons: Sequence[Reason]) -> Iterator[Case]:
                 reason=reason,
                 timeout=claims.timeout,
                 robot=claims.robot,
+                simulator=claims.simulator,
             )
 
 
@@ -144,7 +152,7 @@ def provable_kinds(robot: RobotModel | None = None) -> list[str]:
     return [
         name
         for name, kind in KINDS.items()
-        if kind.layer not in _NOT_IN_SUITES and not kind.stimulus and kind.target_kind in targets
+        if kind.layer not in (Layer.PROCESS, Layer.BUS) and not kind.stimulus and kind.target_kind in targets
     ]
 
 
@@ -200,4 +208,5 @@ def _case(claims: Claims, claim: Claim, values: dict[str, float]) -> Case:
         claim.delay,
         claim.duration,
         claims.robot,
+        claims.simulator,
     )

@@ -3,6 +3,7 @@
 ::
 
     robot = "bench"                       # the robot of all cases; default: icub
+    simulator = { can = true }            # parameters of the fixture that simulates it
     parameters = { part = "left_arm" }    # of the test in all cases, besides those of a case
     fast_parameters = { joints = [1, 3] } # for the healthy robot in the fast subset
 
@@ -45,7 +46,7 @@ if TYPE_CHECKING:
     from rtf.robot.model import RobotModel
 
 _KINDS = ("finds", "silent", "expected")
-_TOP = {"robot", "parameters", "fast_parameters", "timeout", *_KINDS}
+_TOP = {"robot", "simulator", "parameters", "fast_parameters", "timeout", *_KINDS}
 _ENTRY = {"fault", "target", "values", "names", "parameters", "reason", "fast", "delay", "duration"}
 
 
@@ -81,6 +82,7 @@ class Claims:
     of_a_part: bool = False  # whether the test has the parameter ``part``
     fast_parameters: dict[str, Any] = field(default_factory=dict)
     robot: str = ""  # the name of the robot of all cases; none: the default robot
+    simulator: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,9 +126,9 @@ def read_claims(path: Path) -> Claims:
     robot = str(data.get("robot", ""))
     if of_a_part:
         claims = [_with_part(claim, robot) for claim in claims]
-    parameters, fast = (dict(data.get(key, {})) for key in ("parameters", "fast_parameters"))
+    parameters, fast, simulator = (dict(data.get(key, {})) for key in ("parameters", "fast_parameters", "simulator"))
     timeout = float(data.get("timeout", 300.0))
-    return Claims(type(test).__name__, path, parameters, tuple(claims), timeout, of_a_part, fast, robot)
+    return Claims(type(test).__name__, path, parameters, tuple(claims), timeout, of_a_part, fast, robot, simulator)
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -29,7 +29,7 @@ _HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 <suite name="proof-{number}">{environment}
     <fixture name="names-{number}" param="--namespace /proof-{number}"> yarpserver </fixture>
     <fixture name="robot-{number}" depends="names-{number}" param="--clock /proof-{number}/clock">
-        <parameter name="cameras">{cameras}</parameter>
+        <parameter name="cameras">{cameras}</parameter>{simulator}
         simulator
     </fixture>
 """
@@ -44,9 +44,10 @@ def write_suites(cases: Sequence[Case], folder: Path) -> tuple[list[Path], dict[
         file.unlink()
     files: list[Path] = []
     by_test: dict[str, Case] = {}
-    robots = dict.fromkeys(case.robot for case in cases)
-    of_robots = [[case for case in cases if case.robot == robot] for robot in robots]
-    shares = [group[first : first + _CASES] for group in of_robots for first in range(0, len(group), _CASES)]
+    of_robots: dict[tuple[str, str], list[Case]] = {}
+    for case in cases:
+        of_robots.setdefault((case.robot, str(case.simulator)), []).append(case)
+    shares = [group[first : first + _CASES] for group in of_robots.values() for first in range(0, len(group), _CASES)]
     for number, share in enumerate(shares):
         files.append(folder / f"proof-{number}.xml")
         files[-1].write_text(_suite(number, share, by_test), encoding="utf-8")
@@ -73,7 +74,11 @@ def _suite(number: int, cases: Sequence[Case], by_test: dict[str, Case]) -> str:
     cameras = "auto" if any(case.needs_cameras for case in cases) else "no"
     robot = cases[0].robot
     environment = f"\n    <environment>--robotmodel {escape(robot)}</environment>" if robot else ""
-    parts = [_HEAD.format(number=number, cameras=cameras, environment=environment)]
+    simulator = "".join(
+        f"\n        <parameter name={quoteattr(key)}>{escape(_text(value))}</parameter>"
+        for key, value in cases[0].simulator.items()
+    )
+    parts = [_HEAD.format(number=number, cameras=cameras, environment=environment, simulator=simulator)]
     for place, case in enumerate(cases):
         test = f"case-{place}"
         by_test[f"proof-{number}/{test}"] = case

@@ -175,6 +175,7 @@ class Termination(_BusFault):
 
     def end(self) -> None:
         self.wire.disturbances.remove(self._damaged)
+        self.wire.recover()
 
     def _damaged(self, frame: Frame, now: float) -> bool:
         del frame

@@ -110,6 +110,11 @@ class Wire:
         self._receivers.clear()
         self._forget(connection)
 
+    def recover(self) -> None:
+        """Return all nodes to the bus, without errors."""
+        for connection in self._nodes:
+            connection.recover()
+
     def queue(self, frame: Frame, sender: Connection) -> None:
         """Let a frame take part in the arbitration."""
         heapq.heappush(self._waiting, (frame[0], next(self._order), frame, sender))

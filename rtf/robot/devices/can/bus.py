@@ -53,6 +53,7 @@ class BusCounters:
     refused: int = 0  # frames for which the queue was full, or the bus off
     bus_off: int = 0
     recovered: int = 0
+    withheld: int = 0  # frames that were to be sent while the bus was told to send nothing
 
 
 @dataclass(slots=True)
@@ -95,6 +96,8 @@ class CanBus:
         self._opener = opener
         self._receivers: list[tuple[Receiver, ...]] = [()] * _IDENTIFIERS
         self._subscribed: list[tuple[Receiver, frozenset[int]]] = []
+        self._watchers: tuple[Receiver, ...] = ()
+        self._withheld_until = 0.0  # s of the robot's clock
         self._lock = threading.Lock()  # of the interface's sending side, the queue and the receivers
         self._waiting: list[tuple[int, int, float, bytes]] = []  # a heap: identifier, number, deadline, data
         self._numbers = count()
@@ -160,6 +163,22 @@ class CanBus:
         with self._lock:
             self._subscribed.append(entry)
             self._fan_out()
+        return end
+
+    def watch(self, receive: Receiver) -> Callable[[], None]:
+        """Pass all frames to a receiver, also those that are sent here, in the threads of their senders.
+
+        Return what ends that.
+        """
+        unsubscribe = self.subscribe(receive)
+        with self._lock:
+            self._watchers += (receive,)
+
+        def end() -> None:
+            with self._lock:
+                self._watchers = tuple(one for one in self._watchers if one is not receive)
+            unsubscribe()
+
         return end
 
     def _fan_out(self) -> None:
@@ -248,6 +267,10 @@ class CanBus:
                 if self._waiting or not self._transmit(frame.identifier, frame.data):
                     self._queue(frame)
 
+    def withhold(self, seconds: float) -> None:
+        """Send nothing for ``seconds`` of the robot's time, as if the host had died: frames are dropped and counted."""
+        self._withheld_until = clock.current().now() + seconds
+
     def _queue(self, frame: Frame) -> None:
         if len(self._waiting) >= self.settings.queue:
             self.counters.refused += 1
@@ -257,6 +280,9 @@ class CanBus:
 
     def _transmit(self, identifier: int, data: bytes) -> bool:
         """Hand a frame to the interface; False while that is busy."""
+        if self._withheld_until and clock.current().now() < self._withheld_until:
+            self.counters.withheld += 1
+            return True
         try:
             self._bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False), timeout=0)
         except can.CanError as error:
@@ -267,7 +293,10 @@ class CanBus:
             raise BusError(f"the CAN bus {self.name} cannot be written: {error}") from error
         self.counters.sent += 1
         if self.settings.interface not in ECHOING:
-            self._count(Frame(identifier, data), clock.current().now())
+            frame, now = Frame(identifier, data), clock.current().now()
+            self._count(frame, now)
+            for watch in self._watchers:
+                watch(frame, now)
         return True
 
     def _flush(self) -> None:

@@ -22,7 +22,9 @@ __all__ = ["ECHOING", "FILTERING", "can", "is_busy", "open_interface"]
 #: The interfaces that filter by identifier in hardware or in the kernel; others would do it in Python.
 FILTERING = frozenset({"socketcan", "kvaser", "vector", "systec", "etas"})
 #: The interfaces that hand what was sent back to the sender.
-ECHOING = frozenset({"udp_multicast"})
+ECHOING = frozenset({"udp_multicast", "yarp"})
+#: Buses of other programs through the network, besides the interfaces that python-can has.
+can.interfaces.BACKENDS["yarp"] = ("rtf.robot.boards.can_over_yarp", "YarpBus")
 #: The group and the port of buses in datagrams, one port a channel number.
 MULTICAST_GROUP, MULTICAST_PORT = "239.74.163.2", 43113
 _LOOPBACK = "127.0.0.1"

@@ -260,7 +260,9 @@ class CanMotionControl(BoardDriver):
         """Return ``canBoards``, what each board is, and ``canBus``, the load of the bus and what has happened on it.
 
         A board is its address, type, firmware, protocol, and errors of transmission and reception; the bus is pairs of
-        a name and a number, with the load as a share of its bits in the latest second.
+        a name and a number, with the load as a share of its bits in the latest second. ``canAxes`` has the name of each
+        axis, the channel of its bus, the address of its board and its place there; ``canSettings`` has channel, board,
+        place and name of each setting that the boards can be asked for, and the numbers that were sent.
         """
         bus = self._bus
         if bus is None:
@@ -280,7 +282,20 @@ class CanMotionControl(BoardDriver):
         ]
         counted = {"load": self._load.share, "rate": self._load.rate, **asdict(bus.counters)}
         pairs = [Bottle([name, number]) for name, number in counted.items()]
-        return {"canBoards": Bottle(boards), "canBus": Bottle([Bottle(["name", bus.name]), *pairs])}
+        channel = bus.settings.channel
+        places = [Bottle([link.settings.axis.name, channel, link.board, link.index]) for link in self._links]
+        settings = [
+            Bottle([channel, link.board, link.index, what.set.name, *values])
+            for axis, link in enumerate(self._links)
+            for what, values in link.all_settings(self.board, axis)
+            if isinstance(what, Setting)
+        ]
+        return {
+            "canBoards": Bottle(boards),
+            "canBus": Bottle([Bottle(["name", bus.name]), *pairs]),
+            "canAxes": Bottle(places),
+            "canSettings": Bottle(settings),
+        }
 
     def stamp(self, now: float) -> float:
         """Return the mean time of the frames with the latest positions."""
