@@ -47,11 +47,14 @@ class CanBusLoad(CanTest):
     max_errors = Parameter(int, "greatest count of errors of a board", unit="count", default=8, low=0)
     # The time-out of questions of the iCub's hosts.
     max_answer = Parameter(float, "greatest median time until a board answers", unit="ms", default=20.0, low=0.1)
-    others = Parameter(list[int], "addresses of other boards on the buses, such as sensors", default=[])
+    others = Parameter(
+        list[int], "addresses of other boards on the buses that do not answer as boards of sensors", default=[]
+    )
 
     def run(self) -> None:
         """Record all buses, then judge each."""
         versions = {channel: self.versions(bus) for channel, bus in self.buses.items()}
+        sensors = {channel: self.others_on(bus) for channel, bus in self.buses.items()}
         before = self.host_counters()
         self.listen(self.time)
         traffics = {channel: bus.traffic() for channel, bus in self.buses.items()}
@@ -59,7 +62,7 @@ class CanBusLoad(CanTest):
         for channel, bus in self.buses.items():
             boards, traffic = self.boards_of(channel, versions[channel]), traffics[channel]
             with self.subresult(channel):
-                self._judge_bus(bus, traffic, boards)
+                self._judge_bus(bus, traffic, boards, [*self.others, *sensors[channel]])
             for board in boards:
                 with self.subresult(f"{channel}:{board.address}"):
                     self._judge_board(bus, traffic, board)
@@ -70,7 +73,7 @@ class CanBusLoad(CanTest):
 
     # A bus -------------------------------------------------------------------------------------------------------
 
-    def _judge_bus(self, bus: OpenBus, traffic: CanTraffic, boards: list[BoardOnBus]) -> None:
+    def _judge_bus(self, bus: OpenBus, traffic: CanTraffic, boards: list[BoardOnBus], others: list[int]) -> None:
         name = f"the bus {bus.name}"
         self.assert_fail_if_false(
             traffic.seconds > self.time / 2,
@@ -85,10 +88,10 @@ class CanBusLoad(CanTest):
             f"{likely_causes('bus load')}"
         )
         self.measure("load", _PERCENT * traffic.load, "%", high=self.max_load, hint=hint)
-        strangers = traffic.strangers(boards, self.others)
+        strangers = traffic.strangers(boards, others)
         hint = (
-            f"on {name} frames come from nobody: {_counted(strangers)}; if boards of sensors have these addresses, "
-            f"name them in 'others'; {likely_causes('frames of nobody')}"
+            f"on {name} frames come from nobody: {_counted(strangers)}; if there are boards with these addresses that "
+            f"do not answer, name them in 'others'; {likely_causes('frames of nobody')}"
         )
         self.measure("frames of nobody", sum(strangers.values()), "count", high=0, hint=hint)
         damaged = traffic.unreadable(boards)

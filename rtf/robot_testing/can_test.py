@@ -13,19 +13,21 @@ from typing import TYPE_CHECKING, NamedTuple
 from rtf.bottle import Bottle, as_int, as_string
 from rtf.robot.devices.can.bus import CanBus
 from rtf.robot.devices.can.bus_settings import BITRATE, BusSettings
-from rtf.robot.devices.can.exchange import Exchange
+from rtf.robot.devices.can.exchange import PROTOCOL, Exchange
+from rtf.robot.devices.can.messages import ADDRESSES
+from rtf.robot.devices.can.sensor_messages import SENSOR_VERSION
 from rtf.robot.errors import DeviceError, RefusedError, RobotError
 from rtf.robot_testing.guard.read_only_board import connect_read_only
-from rtf.robot_testing.judging.can_traffic import BoardOnBus, CanTraffic
+from rtf.robot_testing.judging.can_traffic import BoardOnBus, CanTraffic, decoded
 from rtf.robot_testing.robot_test import RobotTest
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     from rtf.bottle import Value
     from rtf.robot.devices.can.exchange import Version
-    from rtf.robot.devices.can.messages import Frame
+    from rtf.robot.devices.can.messages import Dialect, Frame, Question, Setting
     from rtf.robot.interfaces import IRemoteVariables
 
 #: The interface of frames that the program of the boards publishes.
@@ -35,6 +37,8 @@ _PATIENCE, _RETRIES = 0.2, 1
 #: Seconds of the robot's clock between two looks at the buses, and until the first frames are published.
 _LOOK, _FIRST_FRAMES = 0.05, 0.05
 _SHORTEST = 1e-6  # s; a clock may not advance by less
+#: Seconds for the answers to many questions: each board has some 25 of them, 5 ms on the bus with the answers.
+_ANSWERS = 0.1
 
 
 class AxisPlace(NamedTuple):
@@ -70,6 +74,25 @@ class OpenBus:
         """Return the frames since the last ``clear``."""
         self.read()
         return CanTraffic([*self.frames], self.bus.settings.bitrate)
+
+    def ask_all(
+        self, questions: Sequence[tuple[Question | Setting, int, int, Dialect]], wait: Callable[[float], None]
+    ) -> dict[tuple[str, int, int], tuple[float | bytes, ...]]:
+        """Send questions without values to boards and places of axes together; return the answers that have come.
+
+        They are by the name of the answer, board and place. ``wait`` lets the robot's time pass.
+        """
+        self.clear()
+        self.bus.send(*(question.get.frame(board, axis=place) for question, board, place, _ in questions))
+        wait(_ANSWERS)
+        self.read()
+        found: dict[tuple[str, int, int], tuple[float | bytes, ...]] = {}
+        wanted = {(question.value.identifier(board), dialect) for question, board, _, dialect in questions}
+        for frame, _ in self.frames:
+            for identifier, dialect in wanted:
+                if frame.identifier == identifier and (got := decoded(*frame, dialect)) is not None:
+                    found[got.message.name, got.source, got.axis] = got.values
+        return found
 
     def close(self) -> None:
         """Close the bus."""
@@ -157,6 +180,19 @@ class CanTest(RobotTest):
     def named(self, channel: str, board: int) -> str:
         """Return a board and its joints, for texts."""
         return f"board {channel}:{board} ({', '.join(self.joints_of(channel, board)) or 'of no joint'})"
+
+    def others_on(self, bus: OpenBus) -> list[int]:
+        """Return the addresses on a bus that are not of motors, and where a board of sensors answers."""
+        free = [board for board in ADDRESSES if board not in self.addresses(bus.name)]
+        bus.clear()
+        bus.bus.send(*(SENSOR_VERSION.get.frame(board, *PROTOCOL) for board in free))
+        self.sleep(_ANSWERS)
+        bus.read()
+        answers = {SENSOR_VERSION.value.identifier(board): board for board in free}
+        found = sorted({answers[frame.identifier] for frame, _ in bus.frames if frame.identifier in answers})
+        if found:
+            self.report(f"boards of sensors on {bus.name}: {', '.join(map(str, found))}")
+        return found
 
     def versions(self, bus: OpenBus) -> dict[int, Version]:
         """Ask the boards of a bus for their versions; boards that do not answer are missing."""

@@ -120,7 +120,7 @@ class CanTraffic:
         """Return the messages of one kind that a board sent, with their times, without those that cannot be read."""
         stream, found = self.of(message.identifier(board.address)), []
         for time, data in zip(stream.times.tolist(), stream.data, strict=True):
-            got = _decoded(message.identifier(board.address), data, board.dialect)
+            got = decoded(message.identifier(board.address), data, board.dialect)
             if got is not None and got.message is message:
                 found.append((time, got))
         return found
@@ -165,7 +165,7 @@ class CanTraffic:
         found: dict[int, int] = {}
         for board in boards:
             for number in board.broadcasts():
-                wrong = sum(_decoded(number, data, board.dialect) is None for data in self.of(number).data)
+                wrong = sum(decoded(number, data, board.dialect) is None for data in self.of(number).data)
                 if wrong:
                     found[number] = wrong
         return found
@@ -188,7 +188,8 @@ class CanTraffic:
         return float(gaps[place]), float(marks[place])
 
 
-def _decoded(identifier: int, data: bytes, dialect: Dialect) -> Decoded | None:
+def decoded(identifier: int, data: bytes, dialect: Dialect) -> Decoded | None:
+    """Return the message of a frame; None if it is none."""
     try:
         return decode(identifier, data, dialect)
     except MessageError:
