@@ -49,7 +49,7 @@ def put(
             limits = (item.low, item.high, item.marginal)
             rows.append((*key, count, item.value, None, str(item.unit), *limits, str(item.verdict)))
     verdicts = [
-        (test, test.rpartition("/")[2], test.partition("/")[0], str(verdict), str(verdict), 1, 0.5, "")
+        (test, test.rpartition("/")[2], test.partition("/")[0], str(verdict), str(verdict), 1, 0.5, "", 0.1, None)
         for test, verdict in (tests or {}).items()
     ]
     with History(path, create=True) as history:

@@ -165,6 +165,11 @@ _CAN = (
     _can("dbc", "[FILE]", "a DBC file of the messages, for other tools", "files:dbc"),
     _can("messages", "", "all messages, in Markdown", "files:messages"),
 )
+_CAMPAIGN = (
+    Command("run", "FILE", "run it, or go on with it", "rtf.cli.campaign:run"),
+    Command("plan", "FILE", "how many runs, how long, how much disk", "rtf.cli.campaign:plan"),
+    Command("status", "FILE", "how far it is", "rtf.cli.campaign:status"),
+)
 #: Runs suites; with --server or --on programs on other machines, as YARP's command of this name does.
 _RUN = "rtf.cli.run_node:run"
 RTF = Command(
@@ -176,6 +181,14 @@ RTF = Command(
         Command("run", "[SUITE ...]", "run suites and tests: the same as testrunner", _RUN, group=_TESTS),
         Command("new", "KIND NAME", "write a new test, fixture, suite or robot", "rtf.cli.new:new", group=_TESTS),
         Command("proof", "", "run robot tests on the faults they should find", "rtf.cli.proof:proof", group=_TESTS),
+        Command(
+            "campaign",
+            "FILE",
+            "many runs over robots, faults and seeds",
+            "rtf.cli.campaign:run",
+            commands=_CAMPAIGN,
+            group=_TESTS,
+        ),
         Command("demo", "", "run the demonstration and check every verdict", "rtf.cli.demo:demo", group=_TESTS),
         *_NETWORK,
         Command("app", "COMMAND", "applications: check, run, stop, status …", commands=_APP, group="network"),

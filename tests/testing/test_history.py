@@ -271,7 +271,7 @@ def rows():
     print("half", flush=True)
     signal.pause()
 with History(Path(sys.argv[1])) as history:
-    history.record(stored(1), [("s/t", "t", "s", "passed", "passed", 1, 0.0, "")], rows())
+    history.record(stored(1), [("s/t", "t", "s", "passed", "passed", 1, 0.0, "", 0.0, None)], rows())
 """
 
 TESTS = str(Path(__file__).parents[1])

@@ -24,15 +24,15 @@ class Rate:
     high: float
 
 
-def exact_rate(count: int, trials: int) -> Rate:
+def exact_rate(count: int, trials: int, confidence: float = CONFIDENCE) -> Rate:
     """Return the rate with the interval of C. J. Clopper and E. S. Pearson (Biometrika 26, 1934).
 
-    It holds the true share in at least 95 % of all campaigns, for any number of trials. Raises ValueError unless
-    ``0 <= count <= trials``.
+    It holds the true share in at least the share ``confidence`` of all campaigns, for any number of trials. Raises
+    ValueError unless ``0 <= count <= trials``.
     """
     if not 0 <= count <= trials:
         raise ValueError(f"{count} of {trials} is no rate")
-    tail = (1.0 - CONFIDENCE) / 2.0
+    tail = (1.0 - confidence) / 2.0
     low = float(betaincinv(count, trials - count + 1, tail)) if count else 0.0
     high = float(betaincinv(count + 1, trials - count, 1.0 - tail)) if count < trials else 1.0
     return Rate(count, trials, count / trials if trials else None, low, high)

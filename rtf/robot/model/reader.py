@@ -7,25 +7,21 @@ which needs the package of the physics engine.
 
 from __future__ import annotations
 
-import copy
 import math
 import os
-import re
-import tomllib
 from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
-import msgspec
 import numpy as np
 
 from rtf.errors import did_you_mean
+from rtf.resources.toml_file import TomlFile
 from rtf.robot.model.drives import drive_of
 from rtf.robot.model.errors import RobotModelError
 from rtf.robot.model.file import CouplingBlock, Joint, Motor, PartTable, RobotFile, ThresholdTable
 from rtf.robot.model.names import DEFAULT_ROBOT, FILE, ROBOT_MODEL_VARIABLE
-from rtf.robot.model.places import line_of, steps_of
 from rtf.robot.model.values import UNVALIDATED, Axis, Coupling, Part, RobotModel, Thresholds
 from rtf.robot.model.workspace import workspace_of
 from rtf.testing.plugins import shipped_folder
@@ -50,8 +46,7 @@ SHARE = 0.01
 #: is left: near those of an industrial robot's joints with their gears and grease, 1.35 times and some rad/s of the
 #: motor (Bittencourt and Gunnarsson, "Static friction in a robot joint", 2012).
 STRIBECK, STRIBECK_SPEED = 0.3, 3.0
-#: What msgspec says of a key that no table has.
-_UNKNOWN_KEY = re.compile(r"Object contains unknown field `(.+)`")
+_NAMES = "a name has letters, digits and underscores, and the robot's begins with a letter"
 #: A coupling with a greater condition number cannot be inverted to any use.
 _SINGULAR = 1e6
 
@@ -104,40 +99,18 @@ class _Reading:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        try:
-            self._text = path.read_text(encoding="utf-8")
-            data = tomllib.loads(self._text)
-        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-            raise RobotModelError(f"{path}: {error}") from None
-        self._check_numbers(data)
-        self._file = self._converted(data)
+        self._toml: TomlFile[RobotFile] = TomlFile(path, RobotModelError)
+        self._place, self._fail = self._toml.place, self._toml.fail
+        self._check_numbers(self._toml.data)
+        self._file = self._toml.converted(RobotFile, _NAMES)
         self._description = self._find_description()
         self._described: Mapping[str, JointDescription] | None = None
-
-    def _place(self, keys: Sequence[str]) -> str:
-        return f"{self._path}:{line_of(self._text, keys)}"
-
-    def _fail(self, keys: Sequence[str], problem: str) -> NoReturn:
-        raise RobotModelError(f"{self._place(keys)}: {problem}")
 
     def _check_numbers(self, data: Mapping[str, Any]) -> None:
         """Refuse infinite numbers, and those that are none; thresholds may be infinite."""
         for keys, value in _leaves(data):
             if isinstance(value, float) and not math.isfinite(value) and keys[0] != "thresholds":
                 self._fail(keys, f"{'.'.join(keys)}: expected a finite number, not {value:g}")
-
-    def _converted(self, data: dict[str, Any]) -> RobotFile:
-        try:
-            return msgspec.convert(data, RobotFile)
-        except msgspec.ValidationError as error:
-            sentence, _, path = str(error).partition(" - at ")
-            keys = _named(data, steps_of(path.strip("`$")), str(error))
-            where = ".".join(keys) or "the file"
-            if unknown := _UNKNOWN_KEY.fullmatch(sentence):
-                self._fail([*keys, unknown[1]], f"{where}: there is no key {unknown[1]!r}")
-            if "matching regex" in sentence:
-                sentence = "a name has letters, digits and underscores, and the robot's begins with a letter"
-            self._fail(keys, f"{where}: {sentence[:1].lower()}{sentence[1:]}")
 
     def _find_description(self) -> Path:
         given = self._file.description
@@ -447,24 +420,3 @@ def _leaves(value: object, keys: tuple[str, ...] = ()) -> Iterator[tuple[tuple[s
 def _first(*values: Any) -> Any:
     """Return the first value that is not None."""
     return next((value for value in values if value is not None), None)
-
-
-def _named(data: dict[str, Any], steps: list[str], error: str) -> list[str]:
-    """Return ``steps`` with the names of the keys that msgspec writes as an ellipsis: those that raise this error."""
-    data = copy.deepcopy(data)
-    here: Any = data
-    for place, step in enumerate(steps):
-        if step == "..." and isinstance(here, dict):
-            everything = dict(here)
-            for key, value in everything.items():
-                here.clear()
-                here[key] = value
-                try:
-                    msgspec.convert(data, RobotFile)
-                except msgspec.ValidationError as again:
-                    if str(again) == error:
-                        steps[place] = key
-                        break
-            step = steps[place]  # noqa: PLW2901 - its name is known now
-        here = here[int(step)] if isinstance(here, list) else here.get(step)
-    return steps

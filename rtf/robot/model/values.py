@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rtf.resources.toml_file import line_of
 from rtf.robot.errors import RefusedError
-from rtf.robot.model.places import line_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

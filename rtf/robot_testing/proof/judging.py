@@ -70,7 +70,7 @@ def _judgement(case: Case, verdict: Verdict, problems: Sequence[Message]) -> Jud
     unable = expectation is Expectation.EXPECTED and verdict is Verdict.INCONCLUSIVE  # the reason says why
     if unable or (expectation is Expectation.OTHER and case.reason and not passed):
         return Judgement.EXPECTED
-    if verdict in _NO_STATEMENT:
+    if verdict in NO_STATEMENT:
         return Judgement.NOT_TESTED
     if expectation is Expectation.FOUND or (expectation is Expectation.LIMIT and not passed):
         return _found(case, verdict, problems)
@@ -99,6 +99,6 @@ def _names(problem: Message, case: Case) -> bool:
 
 
 #: Verdicts that say nothing about the robot.
-_NO_STATEMENT = frozenset(
+NO_STATEMENT = frozenset(
     {Verdict.SKIPPED, Verdict.NOT_RUN, Verdict.BLOCKED, Verdict.INTERRUPTED, Verdict.FIXTURE_LOST, Verdict.INCONCLUSIVE}
 )

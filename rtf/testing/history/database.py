@@ -103,6 +103,27 @@ STEPS: tuple[tuple[str, ...], ...] = (
             WHERE tests.run = renewed.run AND tests.test = renewed.old""",
         "DROP TABLE temp.renewed",
     ),
+    (  # what a campaign needs, see ``rtf.campaigns.store``
+        "ALTER TABLE tests ADD COLUMN processor REAL",  # seconds of the processor over all attempts
+        "ALTER TABLE tests ADD COLUMN named TEXT",  # the subject of the first failure of the last attempt
+        """CREATE TABLE tasks (
+            id INTEGER PRIMARY KEY,
+            key TEXT NOT NULL UNIQUE,   -- digest of the task
+            task TEXT NOT NULL,         -- JSON object
+            robot TEXT NOT NULL,        -- name of the real robot; empty: none is moved
+            state TEXT NOT NULL,        -- waiting, running, done, killed, broken, lost, refused
+            attempts INTEGER NOT NULL,  -- how often it was begun and did not end
+            detail TEXT NOT NULL,       -- why it did not end
+            seconds REAL,               -- what it took, with the start of its runner
+            run INTEGER REFERENCES runs ON DELETE CASCADE
+        )""",
+        "CREATE INDEX tasks_in_a_state ON tasks (state, robot, attempts, id)",
+        "CREATE INDEX task_of_a_run ON tasks (run)",
+        """CREATE TABLE journals (
+            task INTEGER PRIMARY KEY REFERENCES tasks ON DELETE CASCADE,
+            journal BLOB NOT NULL       -- compressed by zlib
+        )""",
+    ),
 )
 
 
@@ -132,6 +153,8 @@ class StoredRun:
 
 #: ``test, name, suite, verdict, outcome, attempts, duration, reason``.
 TestRow = tuple[str, str, str, str, str, int, float, str]
+#: ``processor, named``, which follow a TestRow when it is written.
+NewTestRow = tuple[str, str, str, str, str, int, float, str, float, str | None]
 #: ``test, subject, name, repetition, value, not_finite, unit, low, high, marginal, verdict``.
 MeasurementRow = tuple[str, str, str, int, float | None, str | None, str, float | None, float | None, float | None, str]
 
@@ -181,7 +204,7 @@ class History:
         if version == len(STEPS) or (version and self._read_only):  # older rows can be read, under their older ids
             return
         _write_ahead(connection)
-        with self._transaction():
+        with self.transaction():
             migrate(connection, STEPS)
 
     def check_writable(self) -> None:
@@ -199,9 +222,9 @@ class History:
 
     # Writing -----------------------------------------------------------------------------------------------------
 
-    def record(self, run: StoredRun, tests: Iterable[TestRow], measurements: Iterable[MeasurementRow]) -> None:
-        """Add a run, whole, and replace the same run if it is there."""
-        with self._telling(), self._transaction():
+    def record(self, run: StoredRun, tests: Iterable[NewTestRow], measurements: Iterable[MeasurementRow]) -> int:
+        """Add a run, whole, and replace the same run if it is there. Returns its number."""
+        with self.transaction():
             execute, many = self._connection.execute, self._connection.executemany
             execute(
                 "DELETE FROM runs WHERE run = ? AND started = ? AND station = ?", (run.run, run.started, run.station)
@@ -209,24 +232,27 @@ class History:
             values = astuple(run)
             marks = ", ".join("?" * len(values))
             number = execute(f"INSERT INTO runs ({_RUN_COLUMNS}) VALUES ({marks})", values).lastrowid  # noqa: S608
+            assert number is not None
             many(
-                "INSERT OR REPLACE INTO tests VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                "INSERT OR REPLACE INTO tests (run, test, name, suite, verdict, outcome, attempts, duration, reason, "
+                "processor, named) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
                 ((number, *row) for row in tests),
             )
             many(
                 "INSERT OR REPLACE INTO measurements VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
                 ((number, *row) for row in measurements),
             )
+            return number
 
     def forget(self, run: str) -> int:
         """Remove all runs of this name; returns how many there were."""
-        with self._telling(), self._transaction():
+        with self.transaction():
             return self._connection.execute("DELETE FROM runs WHERE run = ?", (run,)).rowcount
 
     def prune(self, keep: int) -> int:
         """Keep the newest runs of each robot on each station, and free the space of the others."""
         with self._telling():
-            with self._transaction():
+            with self.transaction():
                 gone = self._connection.execute(
                     "DELETE FROM runs WHERE id IN (SELECT id FROM (SELECT id, row_number() OVER "
                     "(PARTITION BY robot, station ORDER BY started DESC, id DESC) AS place FROM runs) WHERE place > ?)",
@@ -291,7 +317,17 @@ class History:
         self.close()
 
     @contextmanager
-    def _transaction(self) -> Iterator[None]:
+    def transaction(self) -> Iterator[None]:
+        """Write all that the block writes, or nothing of it. A transaction in another one is a part of that."""
+        with self._telling():
+            if self._connection.in_transaction:
+                yield
+            else:
+                with self._whole():
+                    yield
+
+    @contextmanager
+    def _whole(self) -> Iterator[None]:
         self._connection.execute("BEGIN IMMEDIATE")
         try:
             yield
@@ -410,13 +446,14 @@ def import_run(history: History, path: Path) -> RunResult:
     return results
 
 
-def record_run(history: History, path: Path, results: RunResult) -> None:
-    """Add a run with these results, unless it has not begun. Raises as ``import_run``."""
+def record_run(history: History, path: Path, results: RunResult) -> int | None:
+    """Add a run with these results, and return its number; None if it has not begun. Raises as ``import_run``."""
     events = journal.as_one_run(path)
     first = next((event for event in events if isinstance(event, RunStarted)), None)  # of one that was resumed, too
-    if first is not None:
-        run = _run(first, results, path if path.is_dir() else path.parent)
-        history.record(run, map(_test, results.tests.values()), _measurements(events, results))
+    if first is None:
+        return None
+    run = _run(first, results, path if path.is_dir() else path.parent)
+    return history.record(run, map(_test, results.tests.values()), _measurements(events, results))
 
 
 def _run(first: RunStarted, results: RunResult, folder: Path) -> StoredRun:
@@ -440,12 +477,15 @@ def _run(first: RunStarted, results: RunResult, folder: Path) -> StoredRun:
     )
 
 
-def _test(test: TestResult) -> TestRow:
+def _test(test: TestResult) -> NewTestRow:
     verdict = test.verdict or Verdict.NOT_RUN
     last = test.last
     outcome, reason = (last.outcome, last.reason) if last else (verdict, "")
     suite, tried = test.planned.suite, _attempts(test)
-    return text(test.id), text(test.name), text(suite), verdict, outcome, tried, test.duration, text(reason)
+    processor = sum(attempt.cpu_time for attempt in test.attempts)
+    named = next((text(problem.subject) for problem in test.problems if problem.subject), None)
+    row = text(test.id), text(test.name), text(suite), verdict, outcome, tried, test.duration, text(reason)
+    return *row, processor, named
 
 
 def _attempts(test: TestResult) -> int:

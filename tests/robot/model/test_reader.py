@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rtf.resources.toml_file import line_of, steps_of
 from rtf.robot.errors import RefusedError
 from rtf.robot.model import RobotModelError, find_robot, load_robot, robot_names
-from rtf.robot.model.places import line_of, steps_of
 
 BENCH = find_robot("bench").parent
 HEAD = """schema = 1
