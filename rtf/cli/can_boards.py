@@ -43,6 +43,13 @@ def can_boards(words: Sequence[str]) -> int:
         "--parts", type=parts, default=(), metavar="A,B", help="the parts whose boards there are (default: all)"
     )
     parser.add_argument(
+        "--drives",
+        type=parts,
+        default=(),
+        metavar="A,B",
+        help="the parts that have a board for each motor, which drives it; others have boards of joints",
+    )
+    parser.add_argument(
         "--interface", default=MULTICAST, metavar="NAME", help="interface of python-can (default: %(default)s)"
     )
     parser.add_argument(
@@ -59,10 +66,19 @@ def can_boards(words: Sequence[str]) -> int:
     if options.interface != MULTICAST and "{}" not in options.channel:
         parser.error("argument --channel: write {} where the number of the bus belongs, such as can{}")
     model = load_robot(options.model)
-    if unknown := [part for part in options.parts if part not in model.parts]:
-        parser.error(f"argument --parts: there is no part {', '.join(unknown)!r}; there are {', '.join(model.parts)}")
+    for name, chosen in (("parts", options.parts), ("drives", options.drives)):
+        if unknown := [part for part in chosen if part not in model.parts]:
+            there = ", ".join(model.parts)
+            parser.error(f"argument --{name}: there is no part {', '.join(unknown)!r}; there are {there}")
     return run_boards(
         BoardsProgram(
-            model, options.interface, options.channel, options.port, options.parts, options.seed, options.unit
+            model,
+            options.interface,
+            options.channel,
+            options.port,
+            options.parts,
+            options.seed,
+            options.unit,
+            options.drives,
         )
     )

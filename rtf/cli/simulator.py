@@ -68,6 +68,8 @@ def simulator(words: Sequence[str]) -> int:
     model = load_robot(options.model)
     if unknown := [part for part in options.parts if part not in model.served]:
         parser.error(f"argument --parts: there is no part {', '.join(unknown)!r}; there are {', '.join(model.served)}")
+    if unknown := [part for part in options.drives if part not in model.parts]:
+        parser.error(f"argument --drives: there is no part {', '.join(unknown)!r}; there are {', '.join(model.parts)}")
     return run_simulator(
         Settings(
             model=model,
@@ -76,6 +78,7 @@ def simulator(words: Sequence[str]) -> int:
             seed=options.seed,
             unit=options.unit,
             can=options.can,
+            drives=options.drives,
             lockstep=options.lockstep,
             factor=options.realtime_factor,
             cameras=options.cameras,
@@ -114,6 +117,13 @@ def _parser() -> Parser:
         "--unit", metavar="N", type=count, default=0, help="the robot of the population (default: 0, the nominal one)"
     )
     parser.add_argument("--can", action="store_true", help="with emulated boards on CAN buses, and drivers of these")
+    parser.add_argument(
+        "--drives",
+        metavar="A,B",
+        type=parts,
+        default=(),
+        help="with --can: the parts that have a board for each motor, which drives it; others have boards of joints",
+    )
     pace = parser.add_mutually_exclusive_group()
     pace.add_argument("--lockstep", action="store_true", help="time passes only while all who take part wait for it")
     pace.add_argument(

@@ -57,6 +57,7 @@ class Settings:
     dialect: Dialect | None = None
     nameserver: bool = False
     can: bool = False  # whether its boards are on CAN buses
+    drives: tuple[str, ...] = ()  # the parts that have a board for each motor then
     allow: tuple[str, ...] = ()  # who may command; everyone
     allow_admin: tuple[str, ...] = ()  # who may change connections; everyone
     ready_file: Path | None = None
@@ -216,6 +217,7 @@ def _simulated(model: RobotModel, name: str, settings: Settings, network: Networ
         options=Options(collision=settings.collision, cameras=cameras, unit=settings.unit),
         clock=settings.clock,
         can=settings.can,
+        drives=settings.drives,
     )
 
 

@@ -27,7 +27,7 @@ from rtf.simulator.simulation_clock import CLOCK, SimulationClock, serve_time
 from rtf.simulator.skin import SKIN_PERIOD
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Collection, Sequence
 
     from rtf.middleware.ports.network import Network
     from rtf.robot.device import Device
@@ -63,6 +63,7 @@ class SimulatedRobot:
     ``serve`` False: without the ports of parts and sensors, which others serve; only the clock is served. ``model``
     says which parts and sensors there are, and the names of their ports. ``can``: its boards are emulated ones on CAN
     buses of this process, and the parts that are served have drivers on these; the clock is that of the process then.
+    The parts of ``drives`` have boards that drive one motor each.
     ``lockstep``: time passes only while
     all participants wait for it; otherwise by itself, ``factor`` times as fast as the machine's clock (None: as fast as
     possible). The ``dialect`` of the network selects the protocol. The rates (Hz) are those of the parts' states and of
@@ -86,6 +87,7 @@ class SimulatedRobot:
         clock: str = CLOCK,
         serve: bool = True,
         can: bool = False,
+        drives: Collection[str] = (),
     ) -> None:
         self.model = model
         self.name = (name or model.simulated_name).strip("/")
@@ -99,7 +101,7 @@ class SimulatedRobot:
         served = parts or model.served
         own = [part for part in served if part in model.parts]
         sensors = RobotSensors(self.simulation)
-        self.firmware = Firmware(self.simulation, own, sensors) if can else None
+        self.firmware = Firmware(self.simulation, own, sensors, drives) if can else None
         self.parts: dict[str, ControlBoard | KinematicPart | ControlBoardRemapper] = {
             part: self._board(part) for part in served
         }

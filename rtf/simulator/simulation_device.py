@@ -66,6 +66,7 @@ class SimulationDevice(Device):
                     clock=settings.clock,
                     serve=False,
                     can=settings.can,
+                    drives=settings.drives,
                 )
                 opened.callback(robot.close)
                 service = SimulatorService(robot, network=self.network, end=_refuse_to_end)

@@ -9,7 +9,7 @@ from rtf.bottle import as_string, to_string
 from rtf.middleware.clocks.network_clock import CLOCK_PORT, CLOCK_VARIABLE, YARP_CLOCK_VARIABLE
 from rtf.robot.model import DEFAULT_ROBOT, ROBOT_MODEL_VARIABLE, load_robot
 from rtf.robot.model.errors import RobotModelError
-from rtf.robot.parameters import flag, port_name, positive, wrong
+from rtf.robot.parameters import flag, names, port_name, positive, wrong
 from rtf.simulator.plant import Collision
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ class SimulationSettings:
     ``collision`` capsules, hulls or none (capsules)
     ``cameras``   whether its cameras render (no)
     ``can``       whether its boards are on CAN buses, with the interface ``simulated`` (no)
+    ``drives``    the parts whose motors have a board each, which drives them (none)
     ============= =====================================================================================
     """
 
@@ -49,6 +50,7 @@ class SimulationSettings:
     collision: Collision
     cameras: bool
     can: bool
+    drives: tuple[str, ...]
 
     @classmethod
     def read(cls, configuration: Property) -> Self:
@@ -68,6 +70,7 @@ class SimulationSettings:
             collision=_collision(configuration),
             cameras=flag(configuration, "cameras"),
             can=flag(configuration, "can"),
+            drives=_parts(configuration, model),
         )
 
     @property
@@ -100,6 +103,15 @@ def _number(configuration: Property, key: str) -> int:
     if not isinstance(value, int) or value < 0:
         raise wrong(configuration, key, f"{to_string(value)} is no whole number from 0")
     return value
+
+
+def _parts(configuration: Property, model: RobotModel) -> tuple[str, ...]:
+    found = names(configuration, "drives")
+    if unknown := [part for part in found if part not in model.parts]:
+        raise wrong(
+            configuration, "drives", f"there is no part {', '.join(unknown)!r}; there are {', '.join(model.parts)}"
+        )
+    return found
 
 
 def _collision(configuration: Property) -> Collision:

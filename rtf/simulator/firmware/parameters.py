@@ -15,6 +15,7 @@ from rtf.robot.interfaces import Pid
 
 if TYPE_CHECKING:
     from rtf.robot.devices.can.messages import Message
+    from rtf.simulator.firmware.board import Values
 
 #: The output of a controller, or a duty cycle, of 100 %.
 FULL_OUTPUT = 32000
@@ -24,9 +25,10 @@ _MOST, _MOST_SHIFT = (1 << 15) - 1, 15
 #: The shift of velocities and accelerations until the host sets another one, and those of the estimators.
 VELOCITY_SHIFT = 4
 ESTIMATOR_SHIFT = 5
-#: All settings that are written by one message and read by another one.
-SETTINGS: tuple[Setting, ...] = tuple(
-    one for one in vars(m).values() if isinstance(one, Setting) and one.set.dialect & Dialect.JOINT
+#: All settings that are written by one message and read by another one, of boards of joints and of drives.
+_ALL = [one for one in vars(m).values() if isinstance(one, Setting)]
+SETTINGS, DRIVE_SETTINGS = (
+    tuple(one for one in _ALL if one.set.dialect & dialect) for dialect in (Dialect.JOINT, Dialect.FOC)
 )
 #: The settings of single gains, and where they are in those of controllers.
 _PARTS: dict[Setting, tuple[Setting, int]] = {
@@ -44,34 +46,24 @@ PARTS_OF_PID = (m.POSITION_PID, m.POSITION_LIMITS, m.POSITION_STICTION, m.MODEL_
 _NEEDED = frozenset({"set_position_pid", "set_position_limits", "set_min_position", "set_max_position"})
 
 
-class AxisParameters:
-    """The settings of one axis. ``written`` has the values of each setting by the name of its command."""
+class Settings:
+    """The settings of a board. ``written`` has the values of each by the name of its command.
 
-    def __init__(self, ticks: float) -> None:
-        self.ticks = ticks
-        self.velocity_shift = VELOCITY_SHIFT
-        self.velocity_timeout: float | None = None
-        self.written: dict[str, tuple[float | bytes, ...]] = {}
+    Where a request has values, such as the number of a parameter, there is a setting for each of them, with the values
+    behind the name.
+    """
 
-    @property
-    def configured(self) -> bool:
-        """Whether gains and limits have been received."""
-        return self.written.keys() >= _NEEDED
+    def __init__(self) -> None:
+        self.written: dict[str, Values] = {}
 
-    def write(self, setting: Setting, values: tuple[float | bytes, ...]) -> None:
-        """Set a setting. Those of single gains are parts of the settings of controllers."""
-        if setting in _PARTS:
-            setting, place = _PARTS[setting]
-            whole = self.value(setting)
-            values = (*whole[:place], *values, *whole[place + 1 :])
-        self.written[setting.set.name] = values
+    def write(self, setting: Setting, values: Values) -> None:
+        """Set a setting."""
+        self.written[_key(setting, values)] = values
 
-    def value(self, setting: Setting) -> tuple[float | bytes, ...]:
-        """Return the values of a setting; zeros until it was set."""
-        if setting in _PARTS:
-            whole, place = _PARTS[setting]
-            return (self.value(whole)[place],)
-        return self.written.get(setting.set.name, _ZEROS[setting.set.name])
+    def value(self, setting: Setting, asked: Values = ()) -> Values:
+        """Return the values of a setting, which begin with those of the request; zeros until it was set."""
+        found = self.written.get(_key(setting, asked))
+        return found or (*asked, *_ZEROS[setting.set.name][len(asked) :])
 
     def number(self, setting: Setting, place: int = 0) -> float:
         """Return one number of a setting."""
@@ -79,6 +71,40 @@ class AxisParameters:
         if isinstance(value, bytes):
             raise TypeError(f"{setting.set.name} has no number in place {place}")
         return value
+
+
+def _key(setting: Setting, values: Values) -> str:
+    asked = values[: len(setting.get.fields)] if setting.repeats else ()
+    return " ".join(map(str, (setting.set.name, *asked)))
+
+
+class AxisParameters(Settings):
+    """The settings of one axis of a board that controls joints."""
+
+    def __init__(self, ticks: float) -> None:
+        super().__init__()
+        self.ticks = ticks
+        self.velocity_shift = VELOCITY_SHIFT
+        self.velocity_timeout: float | None = None
+
+    @property
+    def configured(self) -> bool:
+        """Whether gains and limits have been received."""
+        return self.written.keys() >= _NEEDED
+
+    def write(self, setting: Setting, values: Values) -> None:
+        """Set a setting. Those of single gains are parts of the settings of controllers."""
+        if setting in _PARTS:
+            setting, place = _PARTS[setting]
+            whole = self.value(setting)
+            values = (*whole[:place], *values, *whole[place + 1 :])
+        super().write(setting, values)
+
+    def value(self, setting: Setting, asked: Values = ()) -> Values:
+        if setting in _PARTS:
+            whole, place = _PARTS[setting]
+            return (super().value(whole)[place],)
+        return super().value(setting, asked)
 
     def limits(self) -> tuple[float, float]:
         """Return the limits of the position (deg)."""
@@ -133,4 +159,4 @@ def _zeros(message: Message) -> tuple[float | bytes, ...]:
     return tuple(bytes(one.size) if one.layout == "s" else 0 for one in message.fields)
 
 
-_ZEROS = {one.set.name: _zeros(one.set) for one in SETTINGS}
+_ZEROS = {one.set.name: _zeros(one.set) for one in _ALL}

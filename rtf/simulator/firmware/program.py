@@ -44,6 +44,7 @@ class BoardsProgram:
     parts: tuple[str, ...] = ()  # all
     seed: int = 0
     unit: int = 0
+    drives: tuple[str, ...] = ()
 
     def buses(self, names: list[str]) -> Iterator[tuple[str, BusSettings]]:
         """Yield the settings of each bus, by its name."""
@@ -66,7 +67,7 @@ def run_boards(program: BoardsProgram) -> int:
     with signal_listener(on_signal), ExitStack() as opened:
         try:
             simulation = Simulation(build(program.model, Options(unit=program.unit)), seed=program.seed, factor=1.0)
-            firmware = Firmware(simulation, program.parts or None, RobotSensors(simulation))
+            firmware = Firmware(simulation, program.parts or None, RobotSensors(simulation), program.drives)
             for name, settings in program.buses(list(firmware.wires)):
                 bridge = Bridge(firmware.wires[name], settings, simulation, _warn)
                 opened.callback(bridge.close)

@@ -105,13 +105,13 @@ class AxisLink(ABC):
         self._sent.clear()
         self.mode = None
 
-    def request(self, mode: ControlMode, now: float) -> Frame:
-        """Return the command for a mode of the robot, which the board takes within ``MODE_PATIENCE`` s."""
+    def request(self, mode: ControlMode, now: float) -> list[Frame]:
+        """Return the commands for a mode of the robot, which the board takes within ``MODE_PATIENCE`` s."""
         self.mode = mode
         self.wanted = self.modes.get(mode, BoardMode.IDLE)
         self.settles = now + MODE_PATIENCE
         command = BoardMode.FORCE_IDLE if mode is ControlMode.IDLE else self.wanted  # which also ends a fault
-        return SET_CONTROL_MODE.frame(self.board, command, axis=self.index)
+        return [SET_CONTROL_MODE.frame(self.board, command, axis=self.index)]
 
     # From the board ------------------------------------------------------------------------------------------------
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rtf.robot.devices.can.axis_link import Sent
     from rtf.robot.devices.can.axis_scale import RawPid
     from rtf.robot.devices.can.codec import Decoded
-    from rtf.robot.devices.can.messages import Message, Setting
+    from rtf.robot.devices.can.messages import Frame, Message, Setting
 
 #: The boards that setpoints are for: the frame has four.
 BOARDS = range(1, 5)
@@ -75,6 +75,14 @@ class FocLink(AxisLink):
             yield from _controller(motor.VELOCITY_PID, motor.VELOCITY_PID_LIMITS, drive.velocity_pid)
         yield motor.TEMPERATURE_LIMIT, (integer("temperature limit", float(board.temperature_limit[axis])),)
 
+    def request(self, mode: ControlMode, now: float) -> list[Frame]:
+        """Return the commands: a board goes from one mode with power to another one without power in between."""
+        before = self.wanted
+        frames = super().request(mode, now)
+        if self.wanted in _POWERED and before in _POWERED and self.wanted is not before:
+            frames.insert(0, motor.SET_CONTROL_MODE.frame(self.board, BoardMode.IDLE))
+        return frames
+
     def word(self, mode: ControlMode, setpoints: Setpoints, axis: int) -> int:
         """Return the setpoint of the board, in the unit of its mode; 0 without power."""
         board_mode = self.modes.get(mode, BoardMode.IDLE)
@@ -111,6 +119,9 @@ class FocLink(AxisLink):
             feedback.warnings = tuple(str(one.name).lower().replace("_", " ") for one in warnings)
         elif got.message is motor.FOC_ADDITIONAL_STATUS:
             feedback.temperature = values[0]  # type: ignore[assignment]
+
+
+_POWERED = frozenset(FocLink.modes.values()) - {BoardMode.IDLE}
 
 
 def _controller(gains: Setting, limits: Setting, raw: RawPid) -> Iterator[Sent]:

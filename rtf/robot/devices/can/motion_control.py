@@ -176,7 +176,7 @@ class CanMotionControl(BoardDriver):
         if bus is None:
             return
         try:
-            bus.send(*(link.request(ControlMode.IDLE, NEVER) for link in self._links))
+            bus.send(*(frame for link in self._links for frame in link.request(ControlMode.IDLE, NEVER)))
             bus.send(*(SET_BROADCASTS.frame(link.board, 0) for link in self._links if isinstance(link, JointLink)))
         except BusError as error:
             self.report(f"the motors are not switched off: {error}")
@@ -319,7 +319,8 @@ class CanMotionControl(BoardDriver):
                 link.forget()
                 if isinstance(link, JointLink):
                     bus.send(SET_BROADCASTS.frame(link.board, BROADCASTS))
-                bus.send(link.mode_question.get.frame(link.board, axis=link.index))
+                    bus.send(link.mode_question.get.frame(link.board, axis=link.index))
+        self._send_setpoints([0] * len(BOARDS))  # which drives answer, with their modes and faults
 
     def _check_mode(self, axis: int, link: AxisLink, now: float) -> None:
         """Put an axis into fault whose board reports one, or is not in the mode that was requested."""
@@ -346,7 +347,7 @@ class CanMotionControl(BoardDriver):
         """Ask a board again to switch off an axis in fault, if it still has power, as the request may be lost."""
         if reported != BoardMode.HARDWARE_FAULT and reported not in _UNCONFIGURED and self._bus is not None:
             with suppress(BusError):  # until the bus is on again
-                self._bus.send(link.request(ControlMode.HARDWARE_FAULT, now))
+                self._bus.send(*link.request(ControlMode.HARDWARE_FAULT, now))
 
     def _check_calibration(self, axis: int, link: AxisLink, reported: int, now: float) -> None:
         """End the calibration of an axis, once its board has ended its own."""
@@ -403,16 +404,16 @@ class CanMotionControl(BoardDriver):
     def _enter(self, axis: int, link: AxisLink, mode: ControlMode) -> None:
         """Request a mode of a board, or a calibration."""
         bus, now = self._connected(), self.time()
-        frame = link.request(mode, now)
+        frames = link.request(mode, now)
         if isinstance(link, JointLink):
             link.begin(self.board, axis)
             if mode is ControlMode.CALIBRATING:
-                frame = link.calibrate(self.board, axis)
+                frames = [link.calibrate(self.board, axis)]
         if mode is ControlMode.HARDWARE_FAULT:
             with suppress(BusError):  # it is repeated until the board has no power
-                bus.send(frame)
+                bus.send(*frames)
         elif mode is not ControlMode.CALIBRATION_DONE:
-            bus.send(frame)
+            bus.send(*frames)
 
     def _verify(self, link: AxisLink, sent: list[Sent]) -> None:
         """Read settings back. Raises DeviceError for one that the board has not taken."""

@@ -16,6 +16,7 @@ from rtf.robot.devices.can.axis_link import NEVER
 from rtf.robot.devices.can.bus import CanBus, share, unshare
 from rtf.robot.devices.can.bus_settings import bus_settings
 from rtf.robot.devices.can.codec import decode
+from rtf.robot.devices.can.exchange import TIMEOUT as ANSWER
 from rtf.robot.devices.can.exchange import Exchange
 from rtf.robot.devices.can.messages import ADDRESSES
 from rtf.robot.errors import DeviceError, MessageError, RefusedError, StaleStateError
@@ -89,7 +90,8 @@ class CanSensors(Device, IAnalogSensor, IMultipleAnalogSensors):
         self._bus = share(bus_settings(configuration), self.network.report)
         try:
             self._end = self._bus.subscribe(self._take, self.identifiers())
-            exchange = Exchange(self._bus)
+            can = parameters.group_of(configuration, "CAN")
+            exchange = Exchange(self._bus, parameters.positive(can, "CanTimeout", ANSWER * 1e3) * 1e-3)
             try:
                 self.begin(exchange)
             finally:
@@ -141,11 +143,7 @@ class CanSensors(Device, IAnalogSensor, IMultipleAnalogSensors):
         return found[index]
 
     def _status(self, one: Sensor) -> SensorStatus:
-        bus = self._bus
-        if bus is not None and not bus.threaded:
-            while bus.poll():
-                pass
-        if bus is None or one.stamp == NEVER:
+        if self._bus is None or one.stamp == NEVER:
             return SensorStatus.WAITING_FOR_FIRST_READ
         if clock.current().now() - one.stamp > self._timeout:
             return SensorStatus.TIMEOUT
