@@ -79,6 +79,11 @@ class MotorBoard(DrivenBoard):
         valid = {*self.driver.measures, *_MODES}
         valid |= {motors for joints, motors in zip(_JOINTS, _MOTORS, strict=True) if joints in valid}
         self._valid = np.array([field in valid for field in Field])
+        self._derived = [
+            (joints, motors)
+            for joints, motors in zip(_JOINTS, _MOTORS, strict=True)
+            if motors not in self.driver.measures
+        ]
         self.state = self._empty_state()
         for axis in range(self.count):
             self.driver.configure(axis)
@@ -110,10 +115,9 @@ class MotorBoard(DrivenBoard):
         self.tick = now * self.steps_a_second
         self.driver.read(state)
         state.joint_positions += self.encoder_offsets
-        for joints, motors in zip(_JOINTS, _MOTORS, strict=True):
-            if motors not in self.driver.measures:
-                np.dot(self.configured_couplings, state.floats[joints], out=state.floats[motors])
-                state.floats[motors] *= self.configured_gearbox
+        for joints, motors in self._derived:
+            np.dot(self.configured_couplings, state.floats[joints], out=state.floats[motors])
+            state.floats[motors] *= self.configured_gearbox
         state.motor_positions += self.motor_offsets
         self.state = state
         self.read_at = now

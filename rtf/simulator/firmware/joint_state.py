@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 #: The axes of a board.
 AXES = 2
 _FAULTS = {OVERCURRENT: JointFault.OVERCURRENT, OVERHEATED: JointFault(0), ERROR_LIMIT: JointFault.OVERLOAD}
-_HOT = (BoardState.TEMPERATURE_1, BoardState.TEMPERATURE_2)
+_HOT = (int(BoardState.TEMPERATURE_1), int(BoardState.TEMPERATURE_2))
+#: As numbers: members of enumerations are slow to look up.
+_IN_FAULT, _OVERFLOW = int(BoardMode.HARDWARE_FAULT), int(CanState.TX_OVERFLOW)
 _MOST = 255
 
 
@@ -77,16 +79,16 @@ class JointBoardState(Board):
         modes = self.readings.modes()
         for place, axis in enumerate(self.columns):
             faults, mode = 0, modes[axis]
-            if mode == BoardMode.HARDWARE_FAULT:
+            if mode == _IN_FAULT:
                 number = self.boards.faults[axis][0]
                 faults = int(_FAULTS.get(number, JointFault.EXTERNAL))
                 state |= _HOT[place] if number == OVERHEATED else 0
             values += [faults, mode]
         connection = self.connection
-        overflow = CanState.TX_OVERFLOW if connection.lost else 0
+        overflow = _OVERFLOW if connection.lost else 0
         errors = min(connection.sender_errors, _MOST), min(connection.receiver_errors, _MOST)
-        return (*values, int(overflow), int(state), *errors)
+        return (*values, overflow, state, *errors)
 
     def mode(self, place: int) -> int:
         """Return the control mode of an axis of the board, a :class:`BoardMode`."""
-        return self.readings.modes()[self.axes[place]]
+        return self.readings.mode(self.axes[place])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.simulator.boards import Boards
 
-    #: Computes the numbers of all axes.
-    _Row = Callable[["Readings"], FloatArray]
+    #: Broadcasts, each with what computes its rows.
+    _Group = tuple[tuple[Message, tuple[Callable[["Readings"], FloatArray], ...]], ...]
 
 #: mA an ampere, and ms a second.
 _THOUSAND = 1e3
 _TURN = 360.0
 _PER_CENT = FULL_OUTPUT / 100.0
-_I16, _I32 = 1 << 15, 1 << 31
+_I16 = 1 << 15
 #: The modes of boards, and those of the robot.
 MODES = {
     BoardMode.IDLE: ControlMode.IDLE,
@@ -51,6 +51,8 @@ MODES = {
 _SHOWN = {int(mode): int(board) for board, mode in MODES.items()} | {
     int(ControlMode.CALIBRATION_DONE): int(BoardMode.CALIBRATING)
 }
+#: The numbers of 16 and 32 bits in messages.
+_SHORT, _LONG = np.dtype("<i2"), np.dtype("<i4")
 _UNKNOWN, _IDLE = int(BoardMode.UNKNOWN), int(BoardMode.IDLE)
 
 
@@ -60,27 +62,27 @@ def short(number: float) -> int:
 
 
 class Readings:
-    """The measurements of all axes, in the order of the axes, with a zero at the end, in the column ``none``.
+    """The measurements of all axes, and the broadcasts that boards make of them, computed once a step.
 
-    Each row of numbers, and the data of each broadcast, is computed when it is first asked for in a step. Numbers are
-    rounded, and saturated, never wrapped. Positions are in ticks; speeds in ticks/ms and accelerations in ticks/ms²,
-    times two to the power of the shifts of their axis.
+    Numbers are rounded and saturated, never wrapped. Positions are in ticks; speeds in ticks/ms and accelerations in
+    ticks/ms², times two to the power of the shifts of their axis. The column ``none``, after those of the axes, is 0.
     """
 
     def __init__(self, boards: Boards) -> None:
         self.none = boards.count
         self._boards = boards
-        self._columns = np.zeros((0, 2), np.intp)  # of both axes of each board
-        self._shifts = np.zeros((4, boards.count + 1), np.int32)
-        self._desired_torques = np.zeros(boards.count + 1)
+        self._columns: list[tuple[int, int]] = []  # of both axes of each board
+        self._indices: dict[int, NDArray[np.intp]] = {}
+        self._shifts = np.zeros((4, boards.count), np.int32)
+        self._desired_torques = np.zeros(boards.count)
         self._tick = -1
-        self._rows: dict[_Row, FloatArray] = {}
-        self._data: dict[int, list[bytes]] = {}  # of all boards, by the type of the broadcast
+        self._data: dict[int, bytes] = {}  # of the groups
         self._modes: list[int] = []
 
     def add(self, first: int, second: int) -> int:
         """Return the place of a board with these columns in what is broadcast."""
-        self._columns = np.concatenate([self._columns, [[first, second]]])
+        self._columns.append((first, second))
+        self._indices.clear()
         return len(self._columns) - 1
 
     def set_shifts(self, axis: int, shifts: list[int]) -> None:
@@ -94,125 +96,151 @@ class Readings:
     # What is broadcast -----------------------------------------------------------------------------------------------
 
     def broadcast(self, code: int, place: int) -> bytes:
-        """Return the data of a broadcast of the board in a place."""
-        self._follow()
-        data = self._data.get(code)
+        """Return the data of a broadcast, by its type, of the board in a place."""
+        if self._tick != self._boards.tick:
+            self._forget()
+        group, number = _PLACES[code]
+        data = self._data.get(group)
         if data is None:
-            data = self._data[code] = self._pack(*self.BROADCASTS[code])
-        return data[place]
+            data = self._data[group] = self._pack(group)
+        begin = MAX_DATA * (number * len(self._columns) + place)
+        return data[begin : begin + MAX_DATA]
 
-    def _pack(self, message: Message, rows: tuple[_Row, ...]) -> list[bytes]:
-        """Return the data of all boards: of each row the numbers of both axes, and zeros."""
-        kind = np.dtype(f"<{message.layout[0].layout}")
-        table = np.zeros((len(self._columns), MAX_DATA // kind.itemsize), kind)
-        for place, row in enumerate(rows):
-            table[:, 2 * place : 2 * place + 2] = self._row(row)[self._columns]
-        data = table.tobytes()
-        return [data[begin : begin + MAX_DATA] for begin in range(0, len(data), MAX_DATA)]
+    def _pack(self, number: int) -> bytes:
+        """Return the data of a group of broadcasts of all boards, one broadcast after the other."""
+        group = _GROUPS[number]
+        rows = [row(self) for _, rows in group for row in rows]
+        kind = np.dtype(f"<{group[0][0].layout[0].layout}")
+        numbers = np.zeros((len(rows), self.none + 1))
+        numbers[:, :-1] = rows
+        index = self._indices.get(number)
+        if index is None:
+            index = self._indices[number] = self._index(group, MAX_DATA // kind.itemsize)
+        return _saturated(numbers, kind).ravel()[index].tobytes()
+
+    def _index(self, group: _Group, width: int) -> NDArray[np.intp]:
+        """Return where the numbers of a group are in its rows: of each row those of both axes, and zeros."""
+        columns = np.array(self._columns)
+        first, tables = 0, []
+        for _, rows in group:
+            table = np.full((len(columns), width), self.none)
+            for place in range(len(rows)):
+                table[:, 2 * place : 2 * place + 2] = columns + (first + place) * (self.none + 1)
+            tables.append(table)
+            first += len(rows)
+        return np.array(tables)
 
     # Numbers of one axis ---------------------------------------------------------------------------------------------
 
     def position(self, axis: int) -> int:
         """Return the position of a joint."""
-        return self._one(Readings._positions, axis)
+        return int(_saturated(self.positions(), _LONG)[axis])
 
     def speed(self, axis: int) -> int:
         """Return the speed of a joint."""
-        return self._one(Readings._speeds, axis)
+        return int(_saturated(self.speeds(), _SHORT)[axis])
 
     def error(self, axis: int) -> int:
         """Return the error of a position."""
-        return self._one(Readings._errors, axis)
+        return int(_saturated(self.errors(), _SHORT)[axis])
 
     def output(self, axis: int) -> int:
         """Return the output of a controller."""
-        return self._one(Readings._outputs, axis)
+        return int(_saturated(self.outputs(), _SHORT)[axis])
+
+    def mode(self, axis: int) -> int:
+        """Return the control mode that a board shows."""
+        return _SHOWN.get(int(self._boards.shown_modes()[0, axis]), _UNKNOWN)
 
     def modes(self) -> list[int]:
-        """Return the control modes that the boards show."""
-        self._follow()
+        """Return the control modes that the boards show at the begin of a step."""
+        if self._tick != self._boards.tick:
+            self._forget()
         if not self._modes:
             shown = self._boards.shown_modes()[0].tolist()
             self._modes = [*(_SHOWN.get(mode, _UNKNOWN) for mode in shown), _IDLE]
         return self._modes
 
-    # Rows ------------------------------------------------------------------------------------------------------------
-
-    def _follow(self) -> None:
+    def _forget(self) -> None:
         """Forget what was measured in an earlier step."""
-        if self._tick != self._boards.tick:
-            self._tick = self._boards.tick
-            self._rows.clear()
-            self._data.clear()
-            self._modes = []
+        self._tick = self._boards.tick
+        self._data.clear()
+        self._modes = []
 
-    def _one(self, row: _Row, axis: int) -> int:
-        self._follow()
-        return int(self._row(row)[axis])
+    # Rows: the numbers of all axes, neither rounded nor saturated ----------------------------------------------------
 
-    def _row(self, row: _Row) -> FloatArray:
-        known = self._rows.get(row)
-        if known is None:
-            known = self._rows[row] = row(self)
-        return known
+    def positions(self) -> FloatArray:
+        """Return the positions of the joints."""
+        found: FloatArray = self._boards.position * self._boards.resolution
+        return found
 
-    def _numbers(self, values: FloatArray, size: int = _I16, shift: NDArray[np.int32] | None = None) -> FloatArray:
-        """Return numbers rounded and saturated, with a zero at the end."""
-        numbers = np.zeros(self.none + 1)
-        numbers[:-1] = values if shift is None else np.ldexp(values, shift[:-1])
-        np.rint(numbers, out=numbers)
-        np.maximum(numbers, -size, out=numbers)
-        np.minimum(numbers, size - 1, out=numbers)
-        return numbers
+    def speeds(self) -> FloatArray:
+        """Return the speeds of the joints."""
+        found: FloatArray = np.ldexp(self._boards.velocity * self._boards.resolution / _THOUSAND, self._shifts[0])
+        return found
 
-    def _positions(self) -> FloatArray:
-        return self._numbers(self._boards.position * self._boards.resolution, _I32)
-
-    def _speeds(self) -> FloatArray:
-        speeds = self._boards.velocity * self._boards.resolution / _THOUSAND
-        return self._numbers(speeds, shift=self._shifts[0])
-
-    def _accelerations(self) -> FloatArray:
+    def accelerations(self) -> FloatArray:
+        """Return the accelerations of the joints."""
         accelerations = self._boards.accelerations_now() * self._boards.resolution / _THOUSAND**2
-        return self._numbers(accelerations, shift=self._shifts[0] + self._shifts[1])
+        found: FloatArray = np.ldexp(accelerations, self._shifts[0] + self._shifts[1])
+        return found
 
-    def _motor_positions(self) -> FloatArray:
-        return self._numbers(self._of_motors(Field.MOTOR_POSITIONS), _I32)
+    def motor_positions(self) -> FloatArray:
+        """Return the positions of the rotors, in ticks of their encoders."""
+        return self._of_motors(Field.MOTOR_POSITIONS)
 
-    def _motor_speeds(self) -> FloatArray:
-        return self._numbers(self._of_motors(Field.MOTOR_VELOCITIES) / _THOUSAND, shift=self._shifts[2])
+    def motor_speeds(self) -> FloatArray:
+        """Return the speeds of the rotors."""
+        found: FloatArray = np.ldexp(self._of_motors(Field.MOTOR_VELOCITIES) / _THOUSAND, self._shifts[2])
+        return found
 
-    def _currents(self) -> FloatArray:
-        return self._numbers(self._boards.motor_currents() * _THOUSAND)  # mA
+    def currents(self) -> FloatArray:
+        """Return the currents of the motors (mA)."""
+        return self._boards.motor_currents() * _THOUSAND
 
-    def _outputs(self) -> FloatArray:
-        return self._numbers(self._boards.output * _PER_CENT)
+    def outputs(self) -> FloatArray:
+        """Return the outputs of the controllers."""
+        return self._boards.output * _PER_CENT
 
-    def _duties(self) -> FloatArray:
-        return self._numbers(self._boards.motor_duties() * _PER_CENT)
+    def duties(self) -> FloatArray:
+        """Return the duty cycles of the motors."""
+        return self._boards.motor_duties() * _PER_CENT
 
-    def _errors(self) -> FloatArray:
-        return self._numbers(self._boards.controller_errors() * self._boards.resolution)
+    def errors(self) -> FloatArray:
+        """Return the errors of the positions."""
+        return self._boards.controller_errors() * self._boards.resolution
 
-    def _torque_errors(self) -> FloatArray:
-        """Desired minus measured torques, by the sensors."""
-        measured = self._numbers(self._boards.measured_torques() * TORQUE_COUNTS, _I32)
-        return self._numbers((self._desired_torques - measured)[:-1])
+    def torque_errors(self) -> FloatArray:
+        """Return desired minus measured torques, by the sensors, which are whole numbers."""
+        return self._desired_torques - np.rint(self._boards.measured_torques() * TORQUE_COUNTS)
 
     def _of_motors(self, field: Field) -> FloatArray:
         found: FloatArray = self._boards.measured(field) * self._boards.rotor_resolution / _TURN
         return found
 
-    #: The broadcasts by type, and the rows that they are made of.
-    BROADCASTS: ClassVar[dict[int, tuple[Message, tuple[_Row, ...]]]] = {
-        message.code: (message, rows)
-        for message, rows in (
-            (m.BROADCAST_POSITION, (_positions,)),
-            (m.BROADCAST_PID, (_outputs, _duties)),
-            (m.BROADCAST_CURRENT, (_currents,)),
-            (m.BROADCAST_VELOCITY, (_speeds, _accelerations)),
-            (m.BROADCAST_ERROR, (_errors, _torque_errors)),
-            (m.MOTOR_POSITION, (_motor_positions,)),
-            (m.MOTOR_SPEED, (_motor_speeds,)),
-        )
-    }
+
+def _saturated(numbers: FloatArray, kind: np.dtype[np.signedinteger]) -> NDArray[np.signedinteger]:
+    """Return numbers as integers, rounded and saturated."""
+    limits = np.iinfo(kind)
+    rounded = np.rint(numbers)
+    np.maximum(rounded, limits.min, out=rounded)
+    np.minimum(rounded, limits.max, out=rounded)
+    return rounded.astype(kind)
+
+
+#: The broadcasts with the rows that they have of both axes. Those of a group are sent, and packed, at once.
+_GROUPS: tuple[_Group, ...] = (
+    ((m.BROADCAST_POSITION, (Readings.positions,)),),
+    ((m.BROADCAST_PID, (Readings.outputs, Readings.duties)),),
+    (
+        (m.BROADCAST_CURRENT, (Readings.currents,)),
+        (m.BROADCAST_VELOCITY, (Readings.speeds, Readings.accelerations)),
+        (m.BROADCAST_ERROR, (Readings.errors, Readings.torque_errors)),
+    ),
+    ((m.MOTOR_POSITION, (Readings.motor_positions,)),),
+    ((m.MOTOR_SPEED, (Readings.motor_speeds,)),),
+)
+#: The group of a broadcast and its number there, by its type.
+_PLACES = {
+    message.code: (number, place) for number, group in enumerate(_GROUPS) for place, (message, _) in enumerate(group)
+}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.devices.can.codes import BoardMode
@@ -12,7 +12,7 @@ from rtf.robot.devices.can.messages import Setting
 from rtf.robot.devices.can.motor_messages import SET_CONTROL_MODE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from enum import IntFlag
 
     from rtf.robot.devices.board_driver import DrivenBoard
@@ -40,6 +40,7 @@ class Feedback:
     acceleration: float = 0.0
     motor_position: float = 0.0
     motor_velocity: float = 0.0
+    motor_acceleration: float = 0.0  # which no board measures
     current: float = 0.0
     duty: float = 0.0
     torque: float = 0.0
@@ -60,6 +61,9 @@ class AxisLink(ABC):
     measures: ClassVar[frozenset[Field]]
     #: The modes of the robot, and those of the board.
     modes: ClassVar[dict[ControlMode, BoardMode]]
+
+    #: What is kept of the values of a periodic message and their time (s), by its type.
+    kept: ClassVar[dict[int, Callable[[Any, tuple[Any, ...], float], None]]]  # Any: a link, numbers of the message
 
     #: The question for the mode of an axis.
     mode_question: ClassVar[Question]
@@ -115,9 +119,11 @@ class AxisLink(ABC):
 
     # From the board ------------------------------------------------------------------------------------------------
 
-    @abstractmethod
     def take(self, got: Decoded, stamp: float) -> None:
         """Keep what a periodic message of the board says of this axis."""
+        keep = self.kept.get(got.message.code)
+        if keep is not None:
+            keep(self, got.values, stamp)
 
     def fault_names(self) -> str:
         """Return the faults that the board reports, in words."""

@@ -58,11 +58,10 @@ class BusCounters:
 
 @dataclass(slots=True)
 class Traffic:
-    """The frames with one identifier: how many, and the last one with its time."""
+    """The frames with one identifier: how many, and the data of the last one."""
 
     frames: int = 0
     data: bytes = b""
-    stamp: float = 0.0
 
 
 class Load(NamedTuple):
@@ -231,21 +230,20 @@ class CanBus:
     def take(self, frame: Frame, stamp: float) -> None:
         """Pass a frame to its receivers."""
         self.counters.received += 1
-        self._count(frame, stamp)
+        self._count(frame)
         for receive in self._receivers[frame[0]]:
             try:
                 receive(frame, stamp)
             except RobotError as error:
                 self._tell(f"the CAN bus {self.name}: {error}")
 
-    def _count(self, frame: Frame, stamp: float) -> None:
+    def _count(self, frame: Frame) -> None:
         identifier, data = frame
         traffic = self.traffic.get(identifier)
         if traffic is None:
             traffic = self.traffic[identifier] = Traffic()
         traffic.frames += 1
         traffic.data = data
-        traffic.stamp = stamp
 
     def _read(self) -> None:
         while not self._ended.is_set():
@@ -294,7 +292,7 @@ class CanBus:
         self.counters.sent += 1
         if self.settings.interface not in ECHOING:
             frame, now = Frame(identifier, data), clock.current().now()
-            self._count(frame, now)
+            self._count(frame)
             for watch in self._watchers:
                 watch(frame, now)
         return True

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from rtf.robot.devices.board_driver import DrivenBoard, Setpoints
     from rtf.robot.devices.can.axis_link import Sent
     from rtf.robot.devices.can.axis_scale import RawPid
-    from rtf.robot.devices.can.codec import Decoded
     from rtf.robot.devices.can.messages import Frame, Message, Setting
 
 #: The boards that setpoints are for: the frame has four.
@@ -100,25 +99,31 @@ class FocLink(AxisLink):
 
     # From the board ------------------------------------------------------------------------------------------------
 
-    def take(self, got: Decoded, stamp: float) -> None:
-        feedback, values = self.feedback, got.values
-        if got.message is motor.FOC_FEEDBACK:
-            current, velocity, position = values
-            feedback.current = current / _MILLIAMPERES  # type: ignore[operator]  # all numbers of these are
-            feedback.motor_velocity = velocity * _VELOCITY  # type: ignore[operator]
-            feedback.motor_position = position * _POSITION  # type: ignore[operator]
-            gearbox = self.settings.axis.gearbox
-            feedback.position = feedback.motor_position / gearbox - self.scale.zero
-            feedback.velocity = feedback.motor_velocity / gearbox
-            feedback.stamp = stamp
-        elif got.message is motor.FOC_STATUS:
-            mode, encoder, duty, faults = values
-            feedback.duty = duty * _DUTY  # type: ignore[operator]
-            feedback.mode, feedback.faults = mode, faults  # type: ignore[assignment]
-            warnings = [*QuadratureState(encoder), *(FocFault(faults) & _WARNINGS)]  # type: ignore[arg-type]
-            feedback.warnings = tuple(str(one.name).lower().replace("_", " ") for one in warnings)
-        elif got.message is motor.FOC_ADDITIONAL_STATUS:
-            feedback.temperature = values[0]  # type: ignore[assignment]
+    def _keep_feedback(self, values: tuple[int, ...], stamp: float) -> None:
+        feedback, gearbox = self.feedback, self.settings.axis.gearbox
+        current, velocity, position = values
+        feedback.current = current / _MILLIAMPERES
+        feedback.motor_velocity = velocity * _VELOCITY
+        feedback.motor_position = position * _POSITION
+        feedback.position = feedback.motor_position / gearbox - self.scale.zero
+        feedback.velocity = feedback.motor_velocity / gearbox
+        feedback.stamp = stamp
+
+    def _keep_status(self, values: tuple[int, ...], _stamp: float) -> None:
+        mode, encoder, duty, faults = values
+        self.feedback.duty = duty * _DUTY
+        self.feedback.mode, self.feedback.faults = mode, faults
+        warnings = [*QuadratureState(encoder), *(FocFault(faults) & _WARNINGS)]
+        self.feedback.warnings = tuple(str(one.name).lower().replace("_", " ") for one in warnings)
+
+    def _keep_temperature(self, values: tuple[int, ...], _stamp: float) -> None:
+        self.feedback.temperature = values[0]
+
+    kept = {  # noqa: RUF012 - declared as a class variable by the base
+        motor.FOC_FEEDBACK.code: _keep_feedback,
+        motor.FOC_STATUS.code: _keep_status,
+        motor.FOC_ADDITIONAL_STATUS.code: _keep_temperature,
+    }
 
 
 _POWERED = frozenset(FocLink.modes.values()) - {BoardMode.IDLE}

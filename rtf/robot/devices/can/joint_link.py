@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
     from rtf.robot.devices.board_driver import DrivenBoard, Setpoints
     from rtf.robot.devices.can.axis_link import Sent
-    from rtf.robot.devices.can.codec import Decoded
     from rtf.robot.devices.can.messages import Frame, Message
 
 #: The periodic messages that are wanted, as a mask: positions, duty cycles, status, currents, velocities, errors.
@@ -38,6 +37,9 @@ BROADCASTS = sum(
         motor.ADDITIONAL_STATUS,
     )
 )
+#: Module-level names: members of enumerations are slow to look up.
+_POSITION, _VELOCITY, _MIXED = ControlMode.POSITION, ControlMode.VELOCITY, ControlMode.MIXED
+_DIRECT, _TORQUE, _PWM = ControlMode.POSITION_DIRECT, ControlMode.TORQUE, ControlMode.PWM
 #: A velocity is repeated so many times in the time after which the board ends it.
 _REPEATS = 5
 
@@ -134,18 +136,18 @@ class JointLink(AxisLink):
     ) -> Frame | None:
         """Return the command of an axis, if it is to be sent now."""
         scale = self.scale
-        if mode is ControlMode.POSITION_DIRECT:
+        if mode is _DIRECT:
             return self._changed(motor.COMMAND_POSITION, scale.position(self._own(board, axis, board.direct[axis])))
-        if mode is ControlMode.TORQUE:
+        if mode is _TORQUE:
             self._torque = scale.torque(float(setpoints.torques[axis]))
             return self._changed(motor.DESIRED_TORQUE.set, self._torque)
-        if mode is ControlMode.PWM:
+        if mode is _PWM:
             return self._changed(motor.OPEN_LOOP.set, scale.duty(float(setpoints.duty_cycles[axis])))
-        if mode not in (ControlMode.POSITION, ControlMode.VELOCITY, ControlMode.MIXED):
+        if mode is not _POSITION and mode is not _VELOCITY and mode is not _MIXED:
             return None
         begun, target = float(board.trajectories.begins[axis]), float(board.targets[axis])
         new = begun != self._begun
-        moves = mode is ControlMode.POSITION or (mode is ControlMode.MIXED and target != self._target)
+        moves = mode is _POSITION or (mode is _MIXED and target != self._target)
         self._begun, self._target = begun, target
         if moves:
             return self._move(board, axis, target) if new else None
@@ -184,24 +186,36 @@ class JointLink(AxisLink):
 
     # From the board ------------------------------------------------------------------------------------------------
 
-    def take(self, got: Decoded, stamp: float) -> None:
-        code, values, index, feedback, scale = got.message.code, got.values, self.index, self.feedback, self.scale
-        if code == motor.BROADCAST_POSITION.code:
-            feedback.position = scale.degrees(values[index])  # type: ignore[arg-type]  # all numbers of these are
-            feedback.stamp = stamp
-        elif code == motor.BROADCAST_VELOCITY.code:
-            feedback.velocity = scale.broadcast_velocity(values[index])  # type: ignore[arg-type]
-            feedback.acceleration = scale.broadcast_acceleration(values[2 + index])  # type: ignore[arg-type]
-        elif code == motor.BROADCAST_PID.code:
-            feedback.duty = scale.per_cent(values[2 + index])  # type: ignore[arg-type]
-        elif code == motor.BROADCAST_CURRENT.code:
-            feedback.current = values[index] / scale.amperes  # type: ignore[operator]
-        elif code == motor.BROADCAST_ERROR.code and scale.newtons:
-            feedback.torque = (self._torque - values[2 + index]) / scale.newtons  # type: ignore[operator]
-        elif code == motor.STATUS.code:
-            feedback.faults, feedback.mode = values[2 * index : 2 * index + 2]  # type: ignore[assignment]
-            feedback.warnings = _warnings(*values[4:6])  # type: ignore[arg-type]
-            feedback.errors = values[6:8]  # type: ignore[assignment]
+    def _keep_position(self, values: tuple[int, ...], stamp: float) -> None:
+        self.feedback.position, self.feedback.stamp = self.scale.degrees(values[self.index]), stamp
+
+    def _keep_velocity(self, values: tuple[int, ...], _stamp: float) -> None:
+        self.feedback.velocity = self.scale.broadcast_velocity(values[self.index])
+        self.feedback.acceleration = self.scale.broadcast_acceleration(values[2 + self.index])
+
+    def _keep_duty(self, values: tuple[int, ...], _stamp: float) -> None:
+        self.feedback.duty = self.scale.per_cent(values[2 + self.index])
+
+    def _keep_current(self, values: tuple[int, ...], _stamp: float) -> None:
+        self.feedback.current = values[self.index] / self.scale.amperes
+
+    def _keep_error(self, values: tuple[int, ...], _stamp: float) -> None:
+        if self.scale.newtons:
+            self.feedback.torque = (self._torque - values[2 + self.index]) / self.scale.newtons
+
+    def _keep_status(self, values: tuple[int, ...], _stamp: float) -> None:
+        self.feedback.faults, self.feedback.mode = values[2 * self.index : 2 * self.index + 2]
+        self.feedback.warnings = _warnings(*values[4:6])
+        self.feedback.errors = values[6], values[7]
+
+    kept = {  # noqa: RUF012 - declared as a class variable by the base
+        motor.BROADCAST_POSITION.code: _keep_position,
+        motor.BROADCAST_VELOCITY.code: _keep_velocity,
+        motor.BROADCAST_PID.code: _keep_duty,
+        motor.BROADCAST_CURRENT.code: _keep_current,
+        motor.BROADCAST_ERROR.code: _keep_error,
+        motor.STATUS.code: _keep_status,
+    }
 
 
 def _warnings(can_state: int, board_state: int) -> tuple[str, ...]:

@@ -5,7 +5,10 @@ from __future__ import annotations
 import threading
 from contextlib import suppress
 from dataclasses import asdict, replace
+from operator import attrgetter
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from rtf import clock
 from rtf.bottle import Bottle
@@ -28,7 +31,6 @@ from rtf.robot.errors import BusError, DeviceError, MessageError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    import numpy as np
     from numpy.typing import NDArray
 
     from rtf.bottle import Property
@@ -47,6 +49,21 @@ _SETPOINT_PERIOD = 0.01
 #: Seconds that a calibration may take, and of the pause after it.
 _CALIBRATION = (20.0, 0.01)
 _UNCONFIGURED = frozenset({BoardMode.NOT_CONFIGURED, BoardMode.CONFIGURED})
+#: Modes by their numbers, and one of boards: enumerations are slow to look up.
+_MODES = {int(mode): mode for mode in ControlMode}
+_CALIBRATING = BoardMode.CALIBRATING
+#: What is measured, in the order of the fields of a state.
+_measured = attrgetter(
+    "position",
+    "velocity",
+    "acceleration",
+    "motor_position",
+    "motor_velocity",
+    "motor_acceleration",
+    "torque",
+    "duty",
+    "current",
+)
 #: Seconds between two measurements of the load.
 _LOAD_PERIOD = 1.0
 #: Seconds between two attempts to have silent boards send again.
@@ -235,18 +252,13 @@ class CanMotionControl(BoardDriver):
             bus.poll()
         self._take_latest()
         now = self.time()
-        got = [link.feedback for link in self._links]
-        state.joint_positions[:] = [one.position for one in got]
-        state.joint_velocities[:] = [one.velocity for one in got]
-        state.joint_accelerations[:] = [one.acceleration for one in got]
-        state.motor_positions[:] = [one.motor_position for one in got]
-        state.motor_velocities[:] = [one.motor_velocity for one in got]
-        state.currents[:] = [one.current for one in got]
-        state.duty_cycles[:] = [one.duty for one in got]
-        state.torques[:] = [one.torque for one in got]
-        state.temperatures[:] = [one.temperature for one in got]
+        state.floats[...] = np.array([_measured(link.feedback) for link in self._links]).T
+        state.temperatures[:] = [link.feedback.temperature for link in self._links]
         for axis, link in enumerate(self._links):
-            self._check_mode(axis, link, now)
+            if link.feedback.mode == link.wanted and link.wanted is not _CALIBRATING:
+                link.settles = NEVER
+            else:
+                self._check_mode(axis, link, now)
             if link.feedback.warnings != self._warned.get(link.board, ()):
                 self._warned[link.board] = link.feedback.warnings
                 self.report(
@@ -360,8 +372,7 @@ class CanMotionControl(BoardDriver):
         bus, now, board = self._connected(), self.time(), self.board
         frames: dict[int, Frame] = {}
         words = [0] * len(BOARDS)
-        for axis, link in enumerate(self._links):
-            mode = ControlMode(int(modes[axis]))
+        for axis, (link, mode) in enumerate(zip(self._links, map(_MODES.__getitem__, modes.tolist()), strict=True)):
             if isinstance(link, FocLink):
                 words[link.board - 1] = link.word(mode, setpoints, axis)
             elif isinstance(link, JointLink):
