@@ -428,6 +428,7 @@ class CanMotionControl(BoardDriver):
 
     def _verify(self, link: AxisLink, sent: list[Sent]) -> None:
         """Read settings back. Raises DeviceError for one that the board has not taken."""
+        self._send_setpoints([0] * len(BOARDS))  # so that drives, which have no power yet, go on to send positions
         for what, values in sent:
             if isinstance(what, Setting) and self._exchange is not None:
                 got = self._exchange.ask(what, link.board, axis=link.index, dialect=link.dialect)
