@@ -7,17 +7,21 @@ import shutil
 import signal
 import sys
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
+import msgspec
+
 from rtf import clock
+from rtf.campaigns.backends.backend import BackendLostError
 from rtf.campaigns.store import AGAIN, CampaignStore, State
 from rtf.cli.parser import count, make_parser
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from rtf.campaigns.backends.backend import Backend
     from rtf.campaigns.campaign import Campaign
@@ -30,6 +34,8 @@ _ROBOT_SECONDS, _SECONDS, _BYTES = 8.0, 0.5, 20_000
 #: Seconds between two lines of progress where there is no terminal.
 _SAY = 30.0
 _SHOWN = 12  # running tasks, and those without a result, that are listed
+#: Seconds for which a lost scheduler is looked for, and between two tries.
+_PATIENCE, _PAUSE = 120.0, 1.0
 _MINUTE, _HOUR = 60.0, 3600.0
 
 
@@ -117,6 +123,12 @@ def run(words: Sequence[str]) -> ExitCode:
     parser.add_argument(
         "--again", action="store_true", help="also what has ended without a result; real robots move again, too"
     )
+    parser.add_argument("--dask", metavar="ADDRESS", help="run on the cluster of this scheduler, tls://HOST:PORT")
+    parser.add_argument(
+        "--insecure",
+        action="store_true",
+        help="also with a scheduler on the network whose connections are not encrypted",
+    )
     options = parser.parse_args(words)
     from rtf.campaigns.campaign import load_campaign
     from rtf.campaigns.conductor import Conductor
@@ -127,24 +139,59 @@ def run(words: Sequence[str]) -> ExitCode:
     path = _state_of(options)
     with CampaignStore(path, create=True, exclusive=True) as store:
         store.begin(again=options.again)
-        with _backend(campaign, options) as backend:
-            conductor = Conductor(campaign, design, store, backend)
+        with _Backends(campaign, options) as backends:
+            assert backends.current is not None
+            conductor = Conductor(campaign, design, store, backends.current, backends.again)
             with _signals(conductor), _View(conductor) if sys.stdout.isatty() else _Lines() as display:
                 conductor.run(display.show)
         return _print_end(store, path, interrupted=conductor.stopping)
 
 
-@contextmanager
-def _backend(campaign: Campaign, options: argparse.Namespace) -> Iterator[Backend]:
-    from rtf.campaigns.backends.local import LocalBackend
-
+def _open_backend(campaign: Campaign, options: argparse.Namespace) -> Backend:
     given = campaign.file.backend
-    workers = given.workers if options.workers is None else options.workers
-    backend = LocalBackend(workers, len(campaign.real_robots))
-    try:
-        yield backend
-    finally:
-        backend.close()
+    if options.workers is not None:
+        given = msgspec.structs.replace(given, workers=options.workers)
+    if options.dask:
+        given = msgspec.structs.replace(given, kind="dask", address=options.dask, cluster="")
+    if given.kind == "local":
+        from rtf.campaigns.backends.local import LocalBackend
+
+        return LocalBackend(given.workers, len(campaign.real_robots))
+    from rtf.campaigns.backends.dask import DaskBackend
+
+    return DaskBackend(given, insecure=options.insecure)
+
+
+class _Backends:
+    """The backend of a campaign, which is opened again when its scheduler is lost: somebody may restart that."""
+
+    def __init__(self, campaign: Campaign, options: argparse.Namespace) -> None:
+        self._open = partial(_open_backend, campaign, options)
+        self.current: Backend | None = self._open()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.current is not None:
+            self.current.close()
+
+    def again(self, error: BackendLostError) -> Backend:
+        """Open it again. Raises BackendLostError when that is not possible for long."""
+        print(f"rtf campaign: {error}; trying to connect again for {_PATIENCE:g} s", file=sys.stderr, flush=True)
+        deadline = clock.Deadline.after(_PATIENCE)
+        if self.current is not None:
+            self.current.close()
+        while True:
+            self.current = None
+            try:
+                self.current = self._open()
+            except BackendLostError:
+                if deadline.expired:
+                    raise
+                clock.sleep(_PAUSE)
+            else:
+                return self.current
 
 
 @contextmanager
@@ -222,16 +269,18 @@ class _View:
 
 
 def _summary(progress: Progress) -> str:
-    counts = progress.counts
-    words = [f"{counts[state]} {state}" for state in State if counts.get(state)]
     remaining = f", about {_duration(progress.remaining)} left" if progress.remaining is not None else ""
-    return f"{', '.join(words)}{remaining}; {progress.workers}"
+    return f"{_counted(progress.counts)}{remaining}; {progress.workers}"
+
+
+def _counted(counts: Mapping[State, int]) -> str:
+    return ", ".join(f"{counts[state]} {state}" for state in State if counts.get(state)) or "no runs"
 
 
 def _print_end(store: CampaignStore, path: Path, *, interrupted: bool) -> ExitCode:
     counts = store.counts()
     _print_findings(store)
-    print(f"{', '.join(f'{counts[state]} {state}' for state in State if counts.get(state))}  ({path})")
+    print(f"{_counted(counts)}  ({path})")
     if interrupted:
         print("CAMPAIGN INTERRUPTED  go on with it by the same command")
         return ExitCode.INTERRUPTED
@@ -259,7 +308,28 @@ def status(words: Sequence[str]) -> ExitCode:
         counts = store.counts()
         means = store.means()
         _print_findings(store)
-    print(f"{', '.join(f'{counts[state]} {state}' for state in State if counts.get(state)) or 'no runs'}  ({path})")
+    print(f"{_counted(counts)}  ({path})")
     if means:
         print(f"{means[0]:.1f} s and {means[1] / 1e3:.1f} kB a run")
+    return ExitCode.PASSED
+
+
+def certs(words: Sequence[str]) -> ExitCode:
+    """Write the certificate and the key with which the machines of a cluster know each other."""
+    parser = make_parser(
+        "campaign certs",
+        "Write a key, and a certificate that it signs itself. Scheduler, workers and client that have both trust each"
+        " other and nobody else, for a year; who has the key can run code on all of them.",
+        "rtf campaign certs keys",
+    )
+    parser.add_argument("folder", metavar="FOLDER", type=Path, help="where they are written")
+    options = parser.parse_args(words)
+    from rtf.campaigns.backends.certificates import write_certificates
+
+    certificate, key = write_certificates(options.folder)
+    files = f"--tls-ca-file {certificate} --tls-cert {certificate} --tls-key {key}"
+    print(f"dask scheduler --protocol tls {files}")
+    print(f"dask worker tls://HOST:8786 --nthreads 1 --nworkers auto {files}")
+    print('[backend]\nkind = "dask"\naddress = "tls://HOST:8786"\n')
+    print(f'[backend.tls]\nauthority = "{certificate}"\ncertificate = "{certificate}"\nkey = "{key}"')
     return ExitCode.PASSED

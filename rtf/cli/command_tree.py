@@ -169,6 +169,7 @@ _CAMPAIGN = (
     Command("run", "FILE", "run it, or go on with it", "rtf.cli.campaign:run"),
     Command("plan", "FILE", "how many runs, how long, how much disk", "rtf.cli.campaign:plan"),
     Command("status", "FILE", "how far it is", "rtf.cli.campaign:status"),
+    Command("certs", "FOLDER", "key and certificate of a cluster", "rtf.cli.campaign:certs"),
 )
 #: Runs suites; with --server or --on programs on other machines, as YARP's command of this name does.
 _RUN = "rtf.cli.run_node:run"
