@@ -109,15 +109,22 @@ _UNKNOWN = Limit(None, None, None)
 
 def detection_curves(outcomes: Iterable[Outcome], unit_of: Callable[[str], str]) -> tuple[Curve, ...]:
     """Return the curves of all tests and faults. ``unit_of`` returns the unit of the severities of a kind of fault."""
+    return tuple(_curve(group, key[3], unit_of(key[1])) for key, group in faulty_groups(outcomes).items())
+
+
+#: Test, fault, robot and direction.
+Key = tuple[str, str, str, str]
+
+
+def faulty_groups(outcomes: Iterable[Outcome]) -> dict[Key, list[Outcome]]:
+    """Return the outcomes that belong to a curve, those of robots with a fault, in the order of the curves."""
     groups: dict[tuple[str, str, str], list[Outcome]] = defaultdict(list)
     for outcome in outcomes:
         if outcome.fault is not None:
             groups[outcome.test, outcome.fault, outcome.robot].append(outcome)
-    curves = []
-    for (_, fault, _), group in sorted(groups.items()):
-        for direction, these in _directions(group):
-            curves.append(_curve(these, direction, unit_of(fault)))
-    return tuple(curves)
+    return {
+        (*key, direction): these for key, group in sorted(groups.items()) for direction, these in _directions(group)
+    }
 
 
 def _directions(group: Sequence[Outcome]) -> list[tuple[str, list[Outcome]]]:

