@@ -59,7 +59,7 @@ class HtmlReporter(Reporter):
     def _extras(self, results: RunResult) -> Extras:
         from rtf.page.archive import Extras
         from rtf.page.compare import records
-        from rtf.testing.history import History, HistoryError, default_place, trends
+        from rtf.testing.history import History, HistoryError, default_place, trends_for_a_run
 
         wanted = self.options.extra
         compare = [*records(Path(wanted["compare"]))] if wanted.get("compare") else None
@@ -69,12 +69,8 @@ class HtmlReporter(Reporter):
         started = results.started
         try:
             with History(path) as history:
-                found = trends(
-                    history,
-                    suites=frozenset(results.suites),
-                    robot=started.robot if started else None,
-                    station=started.station if started else None,
-                )
+                rig = (started.robot, started.station) if started else (None, None)
+                found = trends_for_a_run(history, frozenset(results.suites), *rig)
         except HistoryError as error:  # a page without trends is better than none
             return Extras(compare, missing={str(path): str(error)})
         return Extras(compare, found)

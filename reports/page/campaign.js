@@ -162,11 +162,12 @@ function costsChapter({ choices, costs, detection, size }) {
 }
 
 function headOf({ name, size }) {
+  const robots = size.robots.filter(Boolean).join(", ");
   const facts = [
     `${formatCount(size.runs, "run")}, ${size.healthy} without a fault`, formatCount(size.tests, "test"),
     `${formatCount(size.faults, "kind") || "no kind"} of faults`,
-    `${formatCount(size.units, "unit")} of ${size.robots.join(", ")}`, `${formatSeconds(size.seconds)} of runs`,
-  ];
+    robots && `${formatCount(size.units, "unit")} of ${robots}`, `${formatSeconds(size.seconds)} of runs`,
+  ].filter(Boolean);
   return h("header", { class: "campaign-head" }, h("h1", { text: `Campaign ${name}` }), h("p", { class: "dim", text: visible(facts.join(" · ")) }));
 }
 

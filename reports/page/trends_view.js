@@ -9,6 +9,7 @@ import { sparkline, verdictStrip } from "./sparkline.js";
 import { t } from "./texts.js";
 import { TrendPlot } from "./trend_plot.js";
 
+const SHOWN_PLACES = 4;
 const STABLE = 1; // the pass rate from which on a test is not shown
 
 /** The history of the tests and measurements of this run. */
@@ -91,7 +92,8 @@ export class TrendsView {
     const [first, last] = [runs[0], runs[runs.length - 1]];
     const { date, visible } = this.#page.format;
     const places = new Set(runs.map((run) => [run.robot, run.station].filter(Boolean).join(" on ")));
-    const lead = [`${runs.length} runs from ${date(first.started)} to ${date(last.started)}`, ...places];
+    const named = places.size > SHOWN_PLACES ? [`${places.size} robots`] : places;
+    const lead = [`${runs.length} runs from ${date(first.started)} to ${date(last.started)}`, ...named];
     setText(this.lead, visible(lead.filter(Boolean).join("; ")));
     this.#measurements = Object.entries(measurements).map(([key, item]) => trendRow(key, item));
     const judged = Object.entries(tests).map(([id, item]) => ({
@@ -255,7 +257,7 @@ function isJudged([, low, high]) {
 }
 
 function driftWords({ drift, believed }, format) {
-  if (!drift) return h("span", { class: "dim", text: "too few runs" });
+  if (!drift) return h("span", { class: "dim", text: "too few runs of one robot" });
   const p = drift.p < 0.001 ? "p < 0.001" : `p = ${drift.p.toFixed(3)}`;
   const sign = drift.slope > 0 ? "↗ +" : drift.slope < 0 ? "↘ " : "";
   const slope = `${sign}${format.number(Number(drift.slope.toPrecision(3)))} ${drift.unit}`;

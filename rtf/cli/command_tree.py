@@ -170,6 +170,8 @@ _CAMPAIGN = (
     Command("plan", "FILE", "how many runs, how long, how much disk", "rtf.cli.campaign:plan"),
     Command("status", "FILE", "how far it is", "rtf.cli.campaign:status"),
     Command("certs", "FOLDER", "key and certificate of a cluster", "rtf.cli.campaign:certs"),
+    Command("report", "FILE", "what the runs teach: a page and tables", "rtf.cli.campaign_report:report"),
+    Command("compare", "FILE FILE", "what differs between two campaigns", "rtf.cli.campaign_report:compare"),
 )
 #: Runs suites; with --server or --on programs on other machines, as YARP's command of this name does.
 _RUN = "rtf.cli.run_node:run"

@@ -251,7 +251,7 @@ def _is_close(item: dict[str, Any]) -> bool:
 def _drift_text(item: dict[str, Any]) -> str:
     drift = item["drift"]
     if drift is None:
-        return "too few runs to tell a drift"
+        return "too few runs of one robot to tell a drift"
     p = drift["p"]
     text = f"{drift['slope']:+.3g} {one_line(drift['unit'])} (p {'< 0.001' if p < 0.001 else f'{p:.3f}'})"  # noqa: PLR2004
     if not drift["believed"]:

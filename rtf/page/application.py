@@ -249,9 +249,8 @@ def _compared(run: Path) -> bytes:
 
 
 def _trends(place: str, status: Status) -> bytes:
-    from rtf.testing.history import History, default_place, trends
+    from rtf.testing.history import History, default_place, trends_for_a_run
 
-    robot, station = status.rig()
     with History(Path(place) if place else default_place()) as history:
-        found = trends(history, suites=status.suites(), robot=robot, station=station)
+        found = trends_for_a_run(history, status.suites(), *status.rig())
     return json.dumps(found, separators=(",", ":"), allow_nan=False).encode()

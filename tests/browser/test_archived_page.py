@@ -10,6 +10,7 @@ from playwright.sync_api import expect
 
 from archives import archive_of, numbered, put
 from harness import run_command, write_files
+from rtf.page.archive import Extras
 from rtf.testing.events import Attached, ParametersResolved, RunStarted, SuitePlanned, TestPlanned, TestStarted
 
 if TYPE_CHECKING:
@@ -166,6 +167,25 @@ def test_trends_of_all_runs_are_in_it(finished: Any, visit: Any, shoot: Callable
     expect(view).to_contain_text("tracking error")
     expect(view).to_contain_text("joint 3")
     shoot(page, "archive-trends")
+
+
+def test_the_trend_of_several_robots_has_a_line_for_each(tmp_path: Path, visit: Any, barriers: Any, shoot: Any):
+    """Robots, and the units of a campaign, are lines with a legend; a table and the cursor name them, too."""
+    robots = [f"bench-unit{run % 10}" for run in range(20)]
+    runs = [{"run": f"r{run}", "started": 1e9 + run, "robot": robot, "station": ""} for run, robot in enumerate(robots)]
+    points = [[run, 1.0 + run % 10, None, 20.0, "passed"] for run in range(20)]
+    item = {"unit": "deg", "points": points, "drift": None, "pass_rate": [1.0, 0.8, 1.0]}
+    found = {"runs": runs, "measurements": {"s/one\nelbow\nerror": item}, "tests": {}}
+    events = [RunStarted(run="r", version="1"), SuitePlanned(suite="s", name="s")]
+    archive = archive_of(put(tmp_path / "run", *numbered(events)), Extras(history=found))
+    page = visit(f"{archive.as_uri()}#~trends", offline=True)
+    view = page.get_by_role("region", name="Trends", exact=True)
+    expect(view).to_contain_text("10 robots")
+    view.get_by_role("button", name="plot error").click()
+    expect(view.get_by_role("list", name="robots").get_by_role("listitem")).to_have_count(10)
+    expect(view.get_by_role("list", name="robots")).to_contain_text("bench-unit9")
+    shoot(page, "trends-of-robots")
+    assert barriers(page) == []
 
 
 @pytest.mark.parametrize(("locale", "word"), [("de-DE", "Messwerte"), ("it-IT", "Misure"), ("fr-FR", "Measurements")])

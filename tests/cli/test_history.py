@@ -100,7 +100,7 @@ def test_only_so_many_runs_count(shown: Callable[..., Shown], folder: Path):
     """``--last`` limits the runs; too few of them show no drift."""
     done = shown(folder, "left_knee", "--last", "5")
     assert "5 runs" in done.stdout
-    assert "too few runs to tell a drift" in done.stdout
+    assert "too few runs of one robot to tell a drift" in done.stdout
 
 
 def test_programs_get_json(shown: Callable[..., Shown], folder: Path):

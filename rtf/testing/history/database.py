@@ -291,6 +291,26 @@ class History:
                 (number,),
             ).fetchall()
 
+    @property
+    def is_campaign(self) -> bool:
+        """Whether this is the file of a campaign."""
+        with self._telling():
+            return self._has_tasks() and self._connection.execute("SELECT 1 FROM tasks LIMIT 1").fetchone() is not None
+
+    def faulty(self) -> frozenset[int]:
+        """Return the numbers of the runs of a campaign in which the robot had a fault."""
+        with self._telling():
+            if not self._has_tasks():
+                return frozenset()
+            rows = self._connection.execute(
+                "SELECT run FROM tasks WHERE run IS NOT NULL AND json_extract(task, '$.fault') IS NOT NULL"
+            )
+            return frozenset(number for (number,) in rows)
+
+    def _has_tasks(self) -> bool:
+        """Return whether there is the table of tasks; a file that is older, and can only be read, has none."""
+        return self._connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'tasks'").fetchone() is not None
+
     @contextmanager
     def snapshot(self) -> Iterator[None]:
         """Show one state of the file throughout the block, whatever other processes write meanwhile."""

@@ -11,6 +11,7 @@ import fnmatch
 import itertools
 import math
 from collections import Counter
+from functools import cache, partial
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
@@ -54,15 +55,19 @@ def trends(
     of them joined by ``/``; any other is looked for anywhere in them, in capitals or not. Without names and suites
     everything is asked for, runs in which there is nothing too.
 
-    Robot and station are those of the newest run unless they are given; ``*`` mixes all. Raises HistoryError.
+    Robot and station are those of the newest run unless they are given; ``*`` mixes all. In the file of a campaign they
+    are all unless they are given, and runs in which the robot had a fault are left out. Raises HistoryError.
     """
     tests: dict[str, dict[int, str]] = {}
     points: dict[tuple[str, str, str], list[Point]] = {}
     units: dict[tuple[str, str, str], str] = {}
     with history.snapshot():
         robot, station = _of_the_newest(history, robot, station)
-        found = [*itertools.islice(_selected(history, history.runs(robot, station), names, suites), last)]
+        faulty = history.faulty()
+        healthy = ((number, run) for number, run in history.runs(robot, station) if number not in faulty)
+        found = [*itertools.islice(_selected(history, healthy, names, suites), last)]
     found.reverse()
+    mixed = len({(run.robot, run.station) for run, _, _ in found}) > 1
     for index, (_, of_tests, of_measurements) in enumerate(found):
         for row in of_tests:
             tests.setdefault(row[0], {})[index] = row[3]
@@ -71,17 +76,34 @@ def trends(
             units[test, subject, name] = unit
     return {
         "runs": [_run(run) for run, _, _ in found],
-        "measurements": _measurements(points, units),
+        "measurements": _measurements(points, units, mixed=mixed),
         "tests": {
             test: _test([verdicts.get(index) for index in range(len(found))]) for test, verdicts in tests.items()
         },
     }
 
 
+#: So many runs of a campaign are on a page.
+_OF_A_CAMPAIGN = 500
+
+
+def trends_for_a_run(
+    history: History, suites: Collection[str], robot: str | None, station: str | None
+) -> dict[str, Any]:
+    """Return the trends for the page of a run: those of its robot on its station.
+
+    In the file of a campaign they are those of all robots and units. Raises HistoryError.
+    """
+    if history.is_campaign:
+        return trends(history, suites=suites, last=_OF_A_CAMPAIGN)
+    return trends(history, suites=suites, robot=robot, station=station)
+
+
 def _of_the_newest(history: History, robot: str | None, station: str | None) -> tuple[str, str]:
     """Return robot and station; one that is not given is that of the newest run which the other allows."""
     wanted = "*" if robot is None else robot, "*" if station is None else station
-    runs = history.runs(*wanted) if robot is None or station is None else []
+    known = (robot is not None and station is not None) or history.is_campaign
+    runs = [] if known else history.runs(*wanted)
     if not runs:
         return wanted
     newest = runs[0][1]
@@ -94,12 +116,13 @@ _Found = tuple["StoredRun", "list[TestRow]", "list[MeasurementRow]"]
 def _selected(
     history: History, runs: Iterable[tuple[int, StoredRun]], names: Sequence[str], suites: Collection[str] | None
 ) -> Iterator[_Found]:
+    named = cache(partial(_named, names))  # the same ones come in every run
     for number, run in runs:
         tests = [row for row in history.tests(number) if suites is None or row[2] in suites]
         ids = {row[0] for row in tests}
         measurements = [row for row in history.measurements(number) if suites is None or row[0] in ids]
-        tests = [row for row in tests if _named(names, row[:1])]
-        measurements = [row for row in measurements if _named(names, row[:3])]
+        tests = [row for row in tests if named(row[:1])]
+        measurements = [row for row in measurements if named(row[:3])]
         if tests or measurements or (not names and suites is None):
             yield run, tests, measurements
 
@@ -158,9 +181,9 @@ def middles(points: Iterable[Point]) -> dict[int, float]:
 
 
 def _measurements(
-    points: dict[tuple[str, str, str], list[Point]], units: dict[tuple[str, str, str], str]
+    points: dict[tuple[str, str, str], list[Point]], units: dict[tuple[str, str, str], str], *, mixed: bool
 ) -> dict[str, Any]:
-    told = {"\n".join(key): _measurement(of_one, units[key]) for key, of_one in points.items()}
+    told = {"\n".join(key): _measurement(of_one, units[key], mixed=mixed) for key, of_one in points.items()}
     drifts = [item["drift"] for item in told.values() if item["drift"] is not None]
     believed = discovery_limit((drift["p"] for drift in drifts), _BELIEVED)
     for drift in drifts:
@@ -168,13 +191,14 @@ def _measurements(
     return told
 
 
-def _measurement(points: list[Point], unit: str) -> dict[str, Any]:
+def _measurement(points: list[Point], unit: str, *, mixed: bool) -> dict[str, Any]:
+    """Return what became of one measurement; runs of several robots are no series in time, and do not drift."""
     runs = [[*of_a_run] for _, of_a_run in itertools.groupby(points, key=lambda point: point[0])]
     verdicts = [{point[4] for point in of_a_run} - {MeasurementVerdict.RECORDED} for of_a_run in runs]
     return {
         "unit": unit,
         "points": [point for of_a_run in runs for point in _thinned(of_a_run)],
-        "drift": _drift(points, unit),
+        "drift": None if mixed else _drift(points, unit),
         "pass_rate": _rate([MeasurementVerdict.FAILED not in of_a_run for of_a_run in verdicts if of_a_run]),
     }
 
