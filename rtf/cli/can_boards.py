@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf.cli.parser import Parser, count, parts
@@ -27,9 +28,9 @@ exit codes:
 
 def can_boards(words: Sequence[str]) -> int:
     """Run emulated boards until a signal ends them; return the exit code."""
-    from rtf.robot.devices.can.interfaces import MULTICAST_GROUP, MULTICAST_PORT
+    from rtf.robot.devices.can.bus_settings import MULTICAST, MULTICAST_GROUP, MULTICAST_PORT
     from rtf.robot.model import load_robot
-    from rtf.simulator.firmware.program import MULTICAST, BoardsProgram, run_boards
+    from rtf.simulator.firmware.program import BoardsProgram, run_boards, write_files
 
     parser = Parser(
         prog="rtf can-boards",
@@ -62,6 +63,12 @@ def can_boards(words: Sequence[str]) -> int:
     )
     parser.add_argument("--seed", type=count, default=0, help="of the random numbers (default: 0)")
     parser.add_argument("--unit", type=count, default=0, help="robot of the population (default: 0, the nominal one)")
+    parser.add_argument(
+        "--files",
+        metavar="DIR",
+        type=Path,
+        help="only write the configuration of their drivers for 'rtf robotinterface' to a folder",
+    )
     options = parser.parse_args(words)
     if options.interface != MULTICAST and "{}" not in options.channel:
         parser.error("argument --channel: write {} where the number of the bus belongs, such as can{}")
@@ -70,15 +77,14 @@ def can_boards(words: Sequence[str]) -> int:
         if unknown := [part for part in chosen if part not in model.parts]:
             there = ", ".join(model.parts)
             parser.error(f"argument --{name}: there is no part {', '.join(unknown)!r}; there are {there}")
-    return run_boards(
-        BoardsProgram(
-            model,
-            options.interface,
-            options.channel,
-            options.port,
-            options.parts,
-            options.seed,
-            options.unit,
-            options.drives,
-        )
+    program = BoardsProgram(
+        model,
+        options.interface,
+        options.channel,
+        options.port,
+        options.parts,
+        options.seed,
+        options.unit,
+        options.drives,
     )
+    return run_boards(program) if options.files is None else write_files(program, options.files)

@@ -50,7 +50,10 @@ SHIPPED: Mapping[str, str] = {
     "frameGrabber_nwc_yarp": "rtf.robot.sensors.camera:FrameGrabberClient",
     "canBus": "rtf.robot.devices.can.bus_device:CanBusDevice",
     "canMotionControl": "rtf.robot.devices.can.motion_control:CanMotionControl",
+    "canBusMotionControl": "rtf.robot.devices.can.motion_control:CanMotionControl",
     "canbusmotioncontrol": "rtf.robot.devices.can.motion_control:CanMotionControl",
+    "canmotioncontrol": "rtf.robot.devices.can.motion_control:CanMotionControl",
+    "canBusAnalogSensor": "rtf.robot.devices.can.analog:CanAnalog",
     "canBus_nws_yarp": "rtf.robot.boards.can_frames:CanFramesDevice",
     **_family(
         "rtf.robot.devices.can.sensors",

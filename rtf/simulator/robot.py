@@ -171,15 +171,15 @@ class SimulatedRobot:
         """Start the time, share the buses, and open the drivers of the parts, which find their boards on them."""
         from rtf.robot.boards.can_frames import FRAMES_PERIOD, CanFramesServer
         from rtf.robot.devices.can.bus import share, unshare
-        from rtf.robot.devices.can.bus_settings import BusSettings
+        from rtf.robot.devices.can.bus_settings import SIMULATED, BusSettings
         from rtf.simulator.firmware.can_parts import open_can_parts, open_can_sensors
-        from rtf.simulator.firmware.simulated_bus import INTERFACE, provide_buses
+        from rtf.simulator.firmware.simulated_bus import provide_buses
 
         self._start_time(opened, clock)
         opened.callback(provide_buses(firmware, self.network.report))
         if self._serves:
             for wire in firmware.wires:
-                bus = share(BusSettings(INTERFACE, wire), self.network.report)
+                bus = share(BusSettings(SIMULATED, wire), self.network.report)
                 opened.callback(unshare, bus)
                 self._serve(opened, CanFramesServer, bus, f"can/{wire}", FRAMES_PERIOD)
             time = SimulationClock(self.simulation, self.clock, self.outlets, lockstep=self.lockstep)

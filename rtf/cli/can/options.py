@@ -38,7 +38,7 @@ def bus_parser(word: str, description: str, example: str) -> Parser:
 
 def settings_of(parser: Parser, options: argparse.Namespace) -> BusSettings:
     """Return the settings of the bus; ends with a usage error without a channel."""
-    from rtf.robot.devices.can.interfaces import MULTICAST_GROUP, MULTICAST_PORT
+    from rtf.robot.devices.can.bus_settings import MULTICAST_GROUP, MULTICAST_PORT
 
     given = {name: _value(text) for name, text in options.option}
     if options.interface == _INTERFACE:

@@ -9,13 +9,13 @@ import numpy as np
 
 from rtf.bottle import Property
 from rtf.robot.devices.can.axis_scale import AxisScale
+from rtf.robot.devices.can.bus_settings import SIMULATED
 from rtf.robot.interfaces import JointType
 from rtf.simulator.angle_sensors import SimulatedAngles
 from rtf.simulator.firmware.foc_board import FocBoard
 from rtf.simulator.firmware.parameters import FULL_OUTPUT, IMPEDANCE_COUNTS, TORQUE_COUNTS, shift_of
 from rtf.simulator.firmware.rotors import PART
 from rtf.simulator.firmware.sensors_on_buses import INERTIAL, inertial_scales
-from rtf.simulator.firmware.simulated_bus import INTERFACE
 from rtf.simulator.simulated_sensors import SimulatedForceTorque, SimulatedImu
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def can_configuration(firmware: Firmware, wire: str) -> Property:
         f" (Encoder {row(boards.resolution)}) (fullscalePWM {' '.join([str(FULL_OUTPUT)] * len(axes))})"
         f" (newtonsToSensor {TORQUE_COUNTS:g}) (Gearbox_M2J {row(boards.configured_gearbox)})"
         f" (supplyVoltage {row(boards.supply_voltage)}))"
-        f" (CAN (interface {INTERFACE}) (channel {wire}) (CanTimeout {_TIMEOUT})"
+        f" (CAN (interface {SIMULATED}) (channel {wire}) (CanTimeout {_TIMEOUT})"
         f" (CanAddresses {' '.join(str(board.address) for board in own)}))"
         f" (LIMITS (jntPosMin {row(boards.minimum)}) (jntPosMax {row(boards.maximum)})"
         f" (jntVelMax {row(boards.max_velocity)}) (jntTrqMax {row(boards.max_torque)})"
@@ -112,7 +112,7 @@ def _row(axes: list[int], values: FloatArray | Iterable[object]) -> str:
 def sensor_configuration(placed: SensorOnBus) -> tuple[str, Property]:
     """Return the type of the driver of a sensor on a bus, and its configuration."""
     sensor, addresses = placed.sensor, " ".join(str(board.address) for board in placed.boards)
-    bus = f"(CAN (interface {INTERFACE}) (channel {placed.wire}) (CanTimeout {_TIMEOUT}))"
+    bus = f"(CAN (interface {SIMULATED}) (channel {placed.wire}) (CanTimeout {_TIMEOUT}))"
     if isinstance(sensor, SimulatedForceTorque):
         link = sensor.sensor.settings.link
         return "canBusStrain", Property.parse(

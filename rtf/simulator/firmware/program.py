@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.errors import RtfError
-from rtf.robot.devices.can.bus_settings import BusSettings
+from rtf.robot.devices.can.bus_settings import MULTICAST, BusSettings
 from rtf.robot.interface.signals import signal_listener
 from rtf.simulator.console import say
 from rtf.simulator.firmware.boards_on_buses import Firmware
 from rtf.simulator.firmware.bridge import Bridge
+from rtf.simulator.firmware.robot_files import robot_files
 from rtf.simulator.plant import Options, build
 from rtf.simulator.robot_sensors import RobotSensors
 from rtf.simulator.simulation import Simulation
@@ -21,11 +22,11 @@ from rtf.simulator.simulation import Simulation
 if TYPE_CHECKING:
     import signal
     from collections.abc import Iterator
+    from pathlib import Path
 
     from rtf.robot.model import RobotModel
 
 FINE, FAILED = 0, 1
-MULTICAST = "udp_multicast"
 #: Simulated seconds between two looks whether the program is to end.
 _STRIDE = 0.05
 
@@ -54,6 +55,25 @@ class BoardsProgram:
                 settings = replace(settings, options=(("port", self.port + number),))
             yield name, settings
 
+    def build(self) -> tuple[Simulation, Firmware]:
+        """Build the robot with its boards. Raises SimulatorError."""
+        simulation = Simulation(build(self.model, Options(unit=self.unit)), seed=self.seed, factor=1.0)
+        return simulation, Firmware(simulation, self.parts or None, RobotSensors(simulation), self.drives)
+
+
+def write_files(program: BoardsProgram, folder: Path) -> int:
+    """Write the configuration of the drivers of the boards; return the exit code."""
+    try:
+        files = robot_files(program.build()[1])
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in files.items():
+            (folder / name).write_text(text, encoding="utf-8")
+    except (RtfError, OSError) as error:
+        say(f"FAILED: the files of {program.model.name} could not be written: {error}")
+        return FAILED
+    say(f"{folder}: {', '.join(files)}")
+    return FINE
+
 
 def run_boards(program: BoardsProgram) -> int:
     """Run the boards until a signal ends them; return the exit code. To be called in the main thread."""
@@ -66,8 +86,7 @@ def run_boards(program: BoardsProgram) -> int:
     began = clock.monotonic()
     with signal_listener(on_signal), ExitStack() as opened:
         try:
-            simulation = Simulation(build(program.model, Options(unit=program.unit)), seed=program.seed, factor=1.0)
-            firmware = Firmware(simulation, program.parts or None, RobotSensors(simulation), program.drives)
+            simulation, firmware = program.build()
             for name, settings in program.buses(list(firmware.wires)):
                 bridge = Bridge(firmware.wires[name], settings, simulation, _warn)
                 opened.callback(bridge.close)

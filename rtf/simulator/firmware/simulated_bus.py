@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.robot.devices.can.bus import CanBus, provide, unshare
-from rtf.robot.devices.can.bus_settings import BusSettings
+from rtf.robot.devices.can.bus_settings import SIMULATED, BusSettings
 from rtf.robot.devices.can.interfaces import can
 from rtf.robot.devices.can.messages import Frame
 
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from rtf.simulator.firmware.wire import Wire
     from rtf.simulator.simulation import Simulation
 
-#: The interface of the buses of a simulated robot, in configurations.
-INTERFACE = "simulated"
 #: Seconds of the robot's clock between two looks for a frame.
 _LOOK = 0.001
 
@@ -34,7 +32,13 @@ class SimulatedBus(CanBus):
     def __init__(self, wire: Wire, firmware: Firmware, report: Callable[[str], None]) -> None:
         self._wire = wire
         self._simulation = firmware.simulation
-        super().__init__(BusSettings(INTERFACE, wire.name), report=report, threaded=False, opener=self._attach)
+        super().__init__(
+            BusSettings(SIMULATED, wire.name),
+            report=report,
+            threaded=False,
+            opener=self._attach,
+            lock=firmware.simulation.lock,
+        )
 
     def _attach(self, _settings: BusSettings) -> can.BusABC:
         return _Host(self._wire, self._simulation, self.take)
@@ -47,7 +51,7 @@ class _Host(can.BusABC):
 
     def __init__(self, wire: Wire, simulation: Simulation, receive: Callable[[Frame, float], None]) -> None:
         super().__init__(channel=wire.name)
-        self.channel_info = f"{INTERFACE} {wire.name}"
+        self.channel_info = f"{SIMULATED} {wire.name}"
         self.receive = receive
         self._wire = wire
         self._simulation = simulation

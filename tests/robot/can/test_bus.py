@@ -269,3 +269,29 @@ def test_an_unknown_interface_is_told():
     """The error names the bus, and what python-can says."""
     with pytest.raises(DeviceError, match=r"the CAN bus teleport 1 cannot be opened: .*teleport"):
         CanBus(BusSettings("teleport", "1"))
+
+
+@pytest.mark.parametrize(
+    ("text", "environment", "expected"),
+    [
+        ("(CAN (CanDeviceNum 3) (CanMyAddress 0))", {}, "socketcan can3"),
+        ("(canDeviceNum 2) (canAddress 13)", {"CAN_CHANNEL": "vcan{}"}, "socketcan vcan2"),
+        ("(CanDeviceNum 2)", {"CAN_INTERFACE": "pcan", "CAN_CHANNEL": "PCAN_USBBUS{}"}, "pcan PCAN_USBBUS2"),
+        ("(CanDeviceNum 2)", {"CAN_INTERFACE": "udp_multicast"}, "udp_multicast 239.74.163.2:43115"),
+        ("(CAN (interface udp_multicast) (CanDeviceNum 1) (port 5000))", {}, "udp_multicast 239.74.163.2:5001"),
+        ("(CAN (interface simulated) (channel) (CanDeviceNum 1) (busName arm0))", {}, "simulated arm0"),
+    ],
+)
+def test_the_number_of_a_bus(text: str, environment: dict[str, str], expected: str, monkeypatch: pytest.MonkeyPatch):
+    """Files of real robots have numbers: interface and channel are those of the environment, or usual ones."""
+    for name in ("CAN_INTERFACE", "CAN_CHANNEL"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    assert bus_settings(Property.parse(text)).name == expected
+
+
+def test_a_number_that_is_none():
+    """It is named."""
+    with pytest.raises(ConfigurationError, match="CanDeviceNum: ecan is not the number of a bus"):
+        bus_settings(Property.parse("(CAN (CanDeviceNum ecan))"))

@@ -16,6 +16,7 @@ from rtf.robot.devices.can.bus_settings import BusSettings
 from rtf.robot.devices.can.codec import decode
 from rtf.robot.devices.can.codes import BoardType, StrainMode
 from rtf.robot.devices.can.sensor_base import CanSensors
+from rtf.robot.devices.can.sensors import CanMais, CanStrain
 from rtf.robot.errors import ConfigurationError, DeviceError, RefusedError, StaleStateError
 from rtf.robot.interfaces import SensorCategory, SensorStatus
 from waiting import eventually
@@ -89,6 +90,22 @@ def test_forces_and_torques_are_shares_of_full_scale(board: StrainBoard, channel
             device.calibrate(6)
     eventually(lambda: ("set_strain_mode", (StrainMode.CALIBRATED,)) in board.commands, "no mode")
     assert ("set_sensor_rate", (5,)) in board.commands
+
+
+def test_the_device_of_analog_boards(board: StrainBoard, channel: str):
+    """The files of real robots have one type for all, and other capital letters; the channels say what it is."""
+    text = "(CanAddress 0x0D) (Period 5) (Channels 6) (Format 16)"
+    with closing(opened("canBusAnalogSensor", text, channel)) as made:
+        device = made.implementation
+        assert isinstance(device, CanStrain)
+        board.bus.send(sensor.FORCE.frame(13, 0x8000, 0xC000, 0), sensor.TORQUE.frame(13, 0x8000, 0x8000, 0x8000))
+        eventually(lambda: is_well(device, SensorCategory.FORCE_TORQUE), "no reading")
+        assert device.read().values[:2] == pytest.approx([0, 100])
+    assert ("set_sensor_rate", (5,)) in board.commands
+    with closing(opened("canBusAnalogSensor", "(canAddress 14) (channels 16) (format 8)", channel)) as made:
+        assert isinstance(made.implementation, CanMais)
+    with pytest.raises(ConfigurationError, match="4 are neither 6, of forces, nor 15 or 16, of a hand"):
+        opened("canBusAnalogSensor", "(canAddress 14) (channels 4)", channel)
 
 
 def test_saturated_channels_are_told(board: StrainBoard, channel: str):

@@ -14,10 +14,9 @@ import pytest
 
 from rtf.robot.devices.can import motor_messages as m
 from rtf.robot.devices.can.bus import CanBus
-from rtf.robot.devices.can.bus_settings import BusSettings
+from rtf.robot.devices.can.bus_settings import MULTICAST_GROUP, BusSettings
 from rtf.robot.devices.can.codes import BoardMode, BoardType
 from rtf.robot.devices.can.exchange import Exchange
-from rtf.robot.devices.can.interfaces import MULTICAST_GROUP
 from waiting import eventually
 
 if TYPE_CHECKING:

@@ -21,6 +21,7 @@ from rtf.robot.errors import BusError, DeviceError, RobotError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
+    from contextlib import AbstractContextManager
 
     from rtf.robot.devices.can.bus_settings import BusSettings
 
@@ -76,7 +77,7 @@ class CanBus:
 
     ``report`` is called with a sentence when the bus is lost or found again, and when frames are dropped.
     Without ``threaded``, nothing is read but by ``poll``, or an interface calls ``take`` by itself: for simulations,
-    whose time stands still meanwhile.
+    whose time stands still meanwhile. These have a ``lock`` of their own, too, which their thread holds when it sends.
     """
 
     def __init__(
@@ -86,6 +87,7 @@ class CanBus:
         report: Callable[[str], None] = lambda _: None,
         threaded: bool = True,
         opener: Callable[[BusSettings], can.BusABC] = open_interface,
+        lock: AbstractContextManager[object] | None = None,
     ) -> None:
         self.settings = settings
         self.name = settings.name
@@ -97,7 +99,8 @@ class CanBus:
         self._subscribed: list[tuple[Receiver, frozenset[int]]] = []
         self._watchers: tuple[Receiver, ...] = ()
         self._withheld_until = 0.0  # s of the robot's clock
-        self._lock = threading.Lock()  # of the interface's sending side, the queue and the receivers
+        #: Of the interface's sending side, the queue and the receivers.
+        self._lock: AbstractContextManager[object] = lock or threading.Lock()
         self._waiting: list[tuple[int, int, float, bytes]] = []  # a heap: identifier, number, deadline, data
         self._numbers = count()
         self._claims: dict[str, object] = {}

@@ -7,6 +7,7 @@ import os
 import socket
 from typing import TYPE_CHECKING, Any
 
+from rtf.robot.devices.can.bus_settings import MULTICAST, MULTICAST_GROUP
 from rtf.robot.errors import DeviceError
 
 try:
@@ -22,11 +23,9 @@ __all__ = ["ECHOING", "FILTERING", "can", "is_busy", "open_interface"]
 #: The interfaces that filter by identifier in hardware or in the kernel; others would do it in Python.
 FILTERING = frozenset({"socketcan", "kvaser", "vector", "systec", "etas"})
 #: The interfaces that hand what was sent back to the sender.
-ECHOING = frozenset({"udp_multicast", "yarp"})
+ECHOING = frozenset({MULTICAST, "yarp"})
 #: Buses of other programs through the network, besides the interfaces that python-can has.
 can.interfaces.BACKENDS["yarp"] = ("rtf.robot.boards.can_over_yarp", "YarpBus")
-#: The group and the port of buses in datagrams, one port a channel number.
-MULTICAST_GROUP, MULTICAST_PORT = "239.74.163.2", 43113
 _LOOPBACK = "127.0.0.1"
 #: What an interface says, in an error of ``send``, whose queue is full.
 _BUSY = frozenset({errno.ENOBUFS, errno.EAGAIN})
@@ -38,8 +37,8 @@ def open_interface(settings: BusSettings) -> can.BusABC:
     The interface ``udp_multicast`` stays on this machine, unless the option ``hop_limit`` lets it go farther.
     """
     options: dict[str, Any] = dict(settings.options)  # Any: what an interface takes is its own matter
-    local = settings.interface == "udp_multicast" and not options.get("hop_limit")
-    if settings.interface == "udp_multicast":
+    local = settings.interface == MULTICAST and not options.get("hop_limit")
+    if settings.interface == MULTICAST:
         options = {"fd": False, **options, "hop_limit": int(options.get("hop_limit", 0))}
     else:
         options = {"bitrate": settings.bitrate, **options}
