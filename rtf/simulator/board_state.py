@@ -116,7 +116,6 @@ class BoardState(MotorBoard, BoardDriver):
         self._ticks = np.rint(home * self.resolution)
         self._measured_speed = np.zeros(count)  # rad/s
         self.counts.fill(self._ticks, self.motors.gears.angles())
-        self._powered = np.ones(count)  # 0 of an axis whose mode has no power
         self._encoder_shift: FloatArray | None = None
         self._motor_shift = np.zeros(count)
         self._scratch = np.empty(count)

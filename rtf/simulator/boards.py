@@ -111,9 +111,7 @@ class Boards(BoardState):
         self._commanded.append(self._exerted.copy())
         self.controllers.clip_integral(self._max_integral)
         self._heat(self.motors.drawn())
-        currents = self.motor_currents()
-        currents *= self._powered  # the motor of an idle joint may help to hold the joints that are coupled to it
-        self.check_motors(currents, self.temperature)
+        self.check_motors(self.motor_currents(), self.temperature)
         super().supervise()
 
     def _heat(self, currents: FloatArray) -> None:
@@ -192,7 +190,6 @@ class Boards(BoardState):
 
     def configure(self, axis: int) -> None:
         mode = ControlMode(int(self.mode[axis]))
-        self._powered[axis] = mode not in POWERLESS
         pid, torque = self.pids[axis], float(self.newton_metres[axis])
         kp = kd = ki = bias = ahead = 0.0  # Nm/deg, Nm s/deg, Nm/deg/s, Nm, Nm s/deg
         limit, voltage = FULL, False

@@ -106,6 +106,7 @@ class BoardAxes:
         self.modes = np.empty((2, count), dtype=np.int32)
         self.mode, self.interaction = self.modes
         self.mode[:], self.interaction[:] = ControlMode.POSITION, InteractionMode.STIFF
+        self._powered = np.ones(count)  # 0 of an axis whose mode has no power
         self.faults: list[tuple[int, str]] = [(0, "")] * count
         self.calibrated = np.ones(count, dtype=bool)
         self.calibration = [CalibrationParameters()] * count

@@ -170,10 +170,13 @@ class MotorBoard(DrivenBoard):
                 self.enter(axis, mode)
 
     def check_motors(self, currents: FloatArray, temperatures: NDArray[np.floating]) -> None:
-        """Put axes into fault whose motor has too much current for some checks, or is too hot."""
+        """Put axes into fault whose motor has too much current for some checks, or is too hot.
+
+        The current of an axis without power is none of its own: it is noise, or holds an axis that is coupled to it.
+        """
         overload = self._overload
         overload += 1.0
-        overload *= np.abs(currents) > self.max_current
+        overload *= np.abs(currents * self._powered) > self.max_current
         if np.count_nonzero(overload >= _OVERLOADS):
             for axis in self._sound(overload >= _OVERLOADS):
                 self._over_current(axis)
@@ -254,6 +257,7 @@ class MotorBoard(DrivenBoard):
         elif mode is ControlMode.CALIBRATION_DONE:
             self.calibrated[axis] = True
         self.mode[axis] = mode
+        self._powered[axis] = mode not in POWERLESS
         self.driver.configure(axis)
         self._send()
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from rtf.bottle import Property
 from rtf.robot.devices.can.axis_scale import AxisScale
-from rtf.robot.devices.can.bus_settings import SIMULATED
+from rtf.robot.devices.can.bus_settings import SIMULATED, BusSettings
 from rtf.robot.interfaces import JointType
 from rtf.simulator.angle_sensors import SimulatedAngles
 from rtf.simulator.firmware.foc_board import FocBoard
@@ -35,8 +35,13 @@ _REACH = 2.0
 _MS = 1e3
 
 
-def can_configuration(firmware: Firmware, wire: str) -> Property:
-    """Return the configuration of ``canMotionControl`` for the boards on a wire, with the gains that they have now."""
+def can_configuration(firmware: Firmware, wire: str, bus: BusSettings | None = None) -> Property:
+    """Return the configuration of ``canMotionControl`` for the boards on a wire, with the gains that they have now.
+
+    ``bus`` is the bus of python-can that the wire is bridged to, if the driver is to use that.
+    """
+    bus = bus or BusSettings(SIMULATED, wire)
+    options = " ".join(f"({name} {value})" for name, value in bus.options)
     own = [board for board in firmware.motor_boards if board.wire.name == wire]
     axes = [axis for board in own for axis in board.axes]
     boards, row = firmware.simulation.boards, partial(_row, axes)
@@ -48,7 +53,7 @@ def can_configuration(firmware: Firmware, wire: str) -> Property:
         f" (Encoder {row(boards.resolution)}) (fullscalePWM {' '.join([str(FULL_OUTPUT)] * len(axes))})"
         f" (newtonsToSensor {TORQUE_COUNTS:g}) (Gearbox_M2J {row(boards.configured_gearbox)})"
         f" (supplyVoltage {row(boards.supply_voltage)}))"
-        f" (CAN (interface {SIMULATED}) (channel {wire}) (CanTimeout {_TIMEOUT})"
+        f" (CAN (interface {bus.interface}) (channel {bus.channel}) (OPTIONS {options}) (CanTimeout {_TIMEOUT})"
         f" (CanAddresses {' '.join(str(board.address) for board in own)}))"
         f" (LIMITS (jntPosMin {row(boards.minimum)}) (jntPosMax {row(boards.maximum)})"
         f" (jntVelMax {row(boards.max_velocity)}) (jntTrqMax {row(boards.max_torque)})"

@@ -249,7 +249,8 @@ class CanMotionControl(BoardDriver):
     def read(self, state: ExtendedState) -> None:
         bus = self._connected()
         if not bus.threaded:
-            bus.poll()
+            while bus.poll():
+                pass
         self._take_latest()
         now = self.time()
         state.floats[...] = np.array([_measured(link.feedback) for link in self._links]).T
