@@ -73,6 +73,7 @@ class Conductor:
         """Run all tasks that the design wants, or until it is stopped. Raises HistoryError, and BackendLostError."""
         self._found = self._store.found()
         self._store.add(self._design.tasks(self._found))
+        next_look = clock.Deadline.after(0.0)
         while True:
             try:
                 if not self._turn():
@@ -82,7 +83,9 @@ class Conductor:
                 if self._lost is None or self.stopping:
                     raise
                 self._backend = self._lost(error)
-            show(self.progress())
+            if next_look.expired:
+                next_look = clock.Deadline.after(_LOOK)
+                show(self.progress())
 
     def progress(self) -> Progress:
         """Return how far it is."""

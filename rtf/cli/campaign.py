@@ -153,6 +153,9 @@ def _open_backend(campaign: Campaign, options: argparse.Namespace) -> Backend:
         given = msgspec.structs.replace(given, workers=options.workers)
     if options.dask:
         given = msgspec.structs.replace(given, kind="dask", address=options.dask, cluster="")
+    if given.tls is not None:
+        beside = {name: str(campaign.folder / getattr(given.tls, name)) for name in given.tls.__struct_fields__}
+        given = msgspec.structs.replace(given, tls=msgspec.structs.replace(given.tls, **beside))
     if given.kind == "local":
         from rtf.campaigns.backends.local import LocalBackend
 

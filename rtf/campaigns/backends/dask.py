@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from rtf import clock
+from rtf.campaigns.backends import worker_setup
 from rtf.campaigns.backends.backend import Backend, BackendLostError
 from rtf.campaigns.errors import CampaignError
 from rtf.campaigns.task_run import Status, TaskResult, run_task
@@ -69,7 +70,8 @@ class DaskBackend(Backend):
             options["security"] = security
         with dask.config.set(_CONFIGURATION):
             if not given.cluster:
-                own = {"threads_per_worker": 1, "dashboard_address": "127.0.0.1:0", "host": "127.0.0.1"}
+                own: dict[str, Any] = {"threads_per_worker": 1, "dashboard_address": "127.0.0.1:0", "host": "127.0.0.1"}
+                own["preload"] = worker_setup.__name__
                 return self._distributed.LocalCluster(n_workers=given.workers or None, **(own | options))
             dask.config.set(_CONFIGURATION)  # for as long as its scheduler lives, which this process has started
             made = _class_of(given.cluster)(**options)

@@ -1,0 +1,26 @@
+"""The benchmark of campaigns: the memory of a client does not depend on the machine; the other figures do."""
+
+from __future__ import annotations
+
+import re
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("distributed")
+
+
+@pytest.fixture
+def benchmark(monkeypatch: pytest.MonkeyPatch):
+    """The script as a module."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    return import_module("run_campaign_benchmarks")
+
+
+def test_a_client_stays_small(benchmark, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """A client that takes in results needs less memory than is wanted."""
+    (tmp_path / "trivial.py").write_text(benchmark.TRIVIAL)
+    benchmark.measure_memory(tmp_path, 100)
+    (size,) = re.findall(r"100 results: (\d+) MiB at most", capsys.readouterr().out)
+    assert int(size) << 20 < benchmark.MEMORY
