@@ -16,7 +16,17 @@ MISSING = {
     "CartesianControlSimpleP2pMovementTest", "CartesianControlReachingToleranceTest", "GazeControlSimpleLookTest",
     "DemoRedBallTest", "gazeController-stress",
 }  # fmt: skip
-OWN = {"BatteryTest", "CameraMotion", "CanBusLoad", "FtSensorPostures", "JointSweep", "RgbdTest", "SkinTest"}
+OWN = {
+    "BatteryTest",
+    "CameraMotion",
+    "CanBoards",
+    "CanBusLoad",
+    "CanTimeouts",
+    "FtSensorPostures",
+    "JointSweep",
+    "RgbdTest",
+    "SkinTest",
+}
 ROW = re.compile(r"^\| (?P<name>\w+) \| (?P<value>\S+?)(?: (?P<unit>\S+))? \| (?:C\+\+|chosen)(?![\w+])[^|]* \|$")
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import struct
 from collections import deque
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Bottle, Vocab, as_float, as_int, as_string
@@ -51,6 +52,15 @@ _QUESTIONS = frozenset(
     for one in vars(module).values()
     if isinstance(one, Question | Setting) and one is not sensor_messages.DISCOVER
 )
+
+
+def _is_question(frame: Frame) -> bool:
+    """Whether a frame asks a board of one of the dialects for something."""
+    for dialect in (Dialect.JOINT, Dialect.FOC):
+        with suppress(MessageError):
+            if decode(*frame, dialect).message in _QUESTIONS:
+                return True
+    return False
 
 
 def pack_frames(frames: Iterator[tuple[Frame, float]]) -> bytes:
@@ -120,9 +130,8 @@ class CanFramesServer(StreamServer[Bottle]):
     def _ask(self, identifier: int, data: object) -> None:
         if not isinstance(data, bytes):
             raise RefusedError("a frame has an identifier and a blob")
-        messages = [decode(identifier, data, dialect).message for dialect in (Dialect.JOINT, Dialect.FOC)]
-        if not any(message in _QUESTIONS for message in messages):
-            raise RefusedError(f"{messages[0].name} is no question; only questions are passed on")
+        if not _is_question(Frame(identifier, data)):
+            raise RefusedError(f"the frame {identifier:#05x} is no question; only questions are passed on")
         self._bus.send(Frame(identifier, data))
 
     def _withhold(self, seconds: float) -> None:

@@ -5,6 +5,7 @@ It judges what the protocol says (ISO 11898-1, and the schedule of the boards) a
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -194,6 +195,19 @@ def decoded(identifier: int, data: bytes, dialect: Dialect) -> Decoded | None:
         return decode(identifier, data, dialect)
     except MessageError:
         return None
+
+
+def longest_gap(times: Sequence[float]) -> tuple[float, float]:
+    """Return the two consecutive times, of some in their order, that are farthest apart; a single one twice."""
+    return max(pairwise([times[0], *times]), key=lambda pair: pair[1] - pair[0])
+
+
+def rest_after(times: FloatArray, speeds: FloatArray, share: float) -> float | None:
+    """Return the time (s) from which on all speeds are below a share of the greatest one; None if it never rests."""
+    fast = np.flatnonzero(np.abs(speeds) > share * np.abs(speeds).max(initial=0.0))
+    if not len(fast):
+        return None
+    return float(times[fast[-1] + 1]) if fast[-1] + 1 < len(times) else None
 
 
 def older_than_usual(versions: Mapping[str, tuple[int, ...]]) -> dict[str, tuple[int, ...]]:

@@ -139,6 +139,15 @@ _CAUSES: dict[str, tuple[str, ...]] = {
         "a loose connector of the bus",
         "a wrong address in the configuration",
     ),
+    "board clash": ("a board that was replaced, and whose address was not configured",),
+    "board version": ("a board that was replaced, or left out when the others were updated",),
+    "board settings": ("an older firmware, without this setting", "a write-protected memory", "lost frames"),
+    "board reset": ("a loose connector of its supply", "a supply that is too weak", "firmware that crashes"),
+    "watchdog": (
+        "a time-out that the board does not have, or that is not configured",
+        "another time-out than that of the test's parameters",
+    ),
+    "position stuck": ("the part of the firmware that reads the encoders hangs", "an encoder that has stopped"),
     "bus dead": ("a bus without power", "a broken cable or connector of the bus", "a driver that has ended"),
     "bus load": (
         "a board that sends without end",

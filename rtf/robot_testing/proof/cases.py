@@ -152,7 +152,7 @@ def provable_kinds(robot: RobotModel | None = None) -> list[str]:
     return [
         name
         for name, kind in KINDS.items()
-        if kind.layer not in (Layer.PROCESS, Layer.BUS) and not kind.stimulus and kind.target_kind in targets
+        if kind.layer not in _NOT_IN_SUITES and not kind.stimulus and kind.target_kind in targets
     ]
 
 

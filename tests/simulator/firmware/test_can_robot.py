@@ -61,6 +61,17 @@ def test_two_runs_are_equal_to_the_last_bit():
     assert np.array_equal(drive(), drive())
 
 
+def test_a_mode_and_a_move_may_be_commanded_at_once():
+    """A move in the very cycle in which the mode is entered is sent: there is no pause between two requests."""
+    with robot() as (_, arm):
+        arm.set_control_modes(ControlMode.IDLE, 0)
+        wait(0.2)
+        arm.set_control_modes(ControlMode.POSITION, 0)
+        arm.position_move(10.0, 0)
+        wait(2.0)
+        assert arm.encoders(0)[0] == pytest.approx(10.0, abs=0.5)
+
+
 def test_modes_and_efforts_reach_the_motors():
     """Direct positions, velocities, torques and duty cycles are obeyed in their modes, and end when they expire."""
     with robot() as (made, arm):

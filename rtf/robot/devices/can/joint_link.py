@@ -146,7 +146,7 @@ class JointLink(AxisLink):
         if mode is not _POSITION and mode is not _VELOCITY and mode is not _MIXED:
             return None
         begun, target = float(board.trajectories.begins[axis]), float(board.targets[axis])
-        new = begun != self._begun
+        new = begun != self._begun or target != self._target  # two commands may come in one cycle
         moves = mode is _POSITION or (mode is _MIXED and target != self._target)
         self._begun, self._target = begun, target
         if moves:
