@@ -216,6 +216,8 @@ class Babbling(_BusFault):
     def _send(self, now: float) -> None:
         del now
         self._owed += self.share * _BITS * TIMESTEP / _FRAME_BITS
+        if self.share == 1.0:  # without end: one always waits
+            self._owed = float(_WAITING - self.connection.waiting)
         while self._owed >= 1.0:
             self._owed -= 1.0
             self.connection.send(Frame(int(self.identifier), bytes(8)))
@@ -224,6 +226,7 @@ class Babbling(_BusFault):
 _WINDOW = 0.1  # s, of the load
 _BITS = 1e6  # a second
 _FRAME_BITS = 130  # of a frame with eight zeros, about
+_WAITING = 10  # frames, more than a millisecond has room for
 
 
 class _CanBoardFault(Fault):
