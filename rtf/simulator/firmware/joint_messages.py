@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     Answer = Callable[[JointBoardState, int], Values]
 
 _PER_CENT = FULL_OUTPUT / 100.0
+#: The protocol has no time-out of torques and duty cycles.
+_NEVER = float("inf")
 _DIRECT, _TORQUE = frozenset({ControlMode.POSITION_DIRECT}), frozenset({ControlMode.TORQUE})
 _PWM = frozenset({ControlMode.PWM})
 #: The modes that a board which lacks its gains and limits enters.
@@ -204,12 +206,14 @@ def _exert(board: JointBoardState, axis: int) -> None:
     axes = _accepted(board, axis, "torque", _TORQUE)
     if axes is not None:
         board.boards.exert(axes, np.array([board.parameters[axis].number(m.DESIRED_TORQUE) / TORQUE_COUNTS]))
+        board.boards.expire_after(axes, _NEVER)
 
 
 def _drive(board: JointBoardState, axis: int) -> None:
     axes = _accepted(board, axis, "duty", _PWM)
     if axes is not None:
         board.boards.drive(axes, np.array([board.parameters[axis].number(m.OPEN_LOOP) / _PER_CENT]))
+        board.boards.expire_after(axes, _NEVER)
 
 
 def _set_information(board: JointBoardState, _axis: int, values: Values) -> None:

@@ -19,7 +19,7 @@ from rtf.simulator.simulation import Simulation
 from .can_bench import CanBench
 
 if TYPE_CHECKING:
-    pass
+    from rtf.robot.devices.can.messages import Setting
 
 
 @pytest.fixture
@@ -126,6 +126,21 @@ def test_a_velocity_ends_with_its_watchdog(ready: CanBench):
     ready.run(0.5)
     second, _ = ready.ask(m.ENCODER)
     assert abs(float(second) - float(first)) < ready.ticks(0) / 10
+
+
+@pytest.mark.parametrize(
+    ("mode", "message", "counts", "moved"),
+    [(BoardMode.OPEN_LOOP, m.OPEN_LOOP, 160, "duties"), (BoardMode.TORQUE, m.DESIRED_TORQUE, 64, "torques")],
+)
+def test_duty_cycles_and_torques_have_no_watchdog(
+    ready: CanBench, mode: BoardMode, message: Setting, counts: int, moved: str
+):
+    """They stay as they were sent once, whether the host lives or not."""
+    ready.send(m.SET_CONTROL_MODE, mode)
+    ready.send(message.set, counts)
+    sent = getattr(ready.simulation.boards, moved)[0]
+    ready.run(3.0)
+    assert ready.simulation.boards.unexpired(getattr(ready.simulation.boards, moved))[0] == sent != 0.0
 
 
 def test_broadcasts_are_those_of_the_mask_at_their_times(ready: CanBench):

@@ -94,6 +94,7 @@ class CanMotionControl(BoardDriver):
         self._warned: dict[int, tuple[str, ...]] = {}
         self._damaged = 0
         self._asked_again = NEVER
+        self._patience = FIRST_POSITIONS  # seconds of silence, longer while boards are configured on a busy host
         self._arrived = threading.Event()
         self.versions: dict[int, Version] = {}
 
@@ -102,7 +103,7 @@ class CanMotionControl(BoardDriver):
     def connect(self, configuration: Property) -> list[BoardAxis]:
         """Open the bus, find the boards, and wait for their first positions."""
         settings = can_settings(configuration)
-        self._links = []
+        self._links, self._patience = [], FIRST_POSITIONS
         self._bus = share(bus_settings(configuration), self.report)
         self._meter = LoadMeter(self._bus)
         try:
@@ -316,14 +317,16 @@ class CanMotionControl(BoardDriver):
         return min(sum(stamps) / len(stamps), now)
 
     def _check_silence(self, bus: CanBus, now: float) -> None:
-        silent = sorted({link.board for link in self._links if now - link.feedback.stamp > SILENCE})
+        patience = self._patience
+        silent = sorted({link.board for link in self._links if now - link.feedback.stamp > patience})
         if not silent:
+            self._patience = SILENCE
             return
         off = ", which is off" if bus.off else ""
         if not bus.off and now - self._asked_again > _ASK_AGAIN:
             self._asked_again = now
             self._ask_again(bus, silent)
-        raise DeviceError(f"the boards {silent} on {bus.name}{off} have sent no positions for more than {SILENCE:g} s")
+        raise DeviceError(f"the boards {silent} on {bus.name}{off} have sent no positions for more than {patience:g} s")
 
     def _ask_again(self, bus: CanBus, silent: list[int]) -> None:
         """Have boards send positions again that may have been reset; what was set may be lost."""
