@@ -2,8 +2,8 @@
 
 Each ``--part`` is run twice on the simulated iCub with the same seed, in lockstep: with boards that the servers ask
 directly, and through control board, driver, bus and firmware; ``--part sensors`` has the tests of sensors and streams.
-Printed is a table with both verdicts of each test, how many numbers both have measured, and the number that differs
-most, as a share of what its limits allow (without limits: of the number itself).
+Printed is a table with both verdicts of each test, how many numbers both have judged by limits, and the number that
+differs most, as a share of what its limits allow.
 
 What boards on CAN cannot do is in ``MISSING``, with the reason. Another difference of verdicts ends the program with 1.
 """
@@ -176,18 +176,23 @@ def _row(test: str, direct: Outcome, can: Outcome) -> Row:
 def _differences(
     direct: Mapping[tuple[str, str], list[Measured]], can: Mapping[tuple[str, str], list[Measured]]
 ) -> Iterator[Difference]:
-    """Yield the numbers that both paths have."""
+    """Yield the numbers with limits that both paths have."""
     for key, measured in direct.items():
         for one, other in zip(measured, can.get(key, ()), strict=False):
-            share = abs(one.value - other.value) / _allowed(one)
-            yield Difference(share, " ".join(filter(None, key)), one.value, other.value)
+            if one.low is not None or one.high is not None:
+                share = abs(_within_limits(one) - _within_limits(other))
+                yield Difference(share, " ".join(filter(None, key)), one.value, other.value)
 
 
-def _allowed(one: Measured) -> float:
-    """Return the width of the limits of a measurement; with one limit or none, how great this or the number is."""
-    if one.low is not None and one.high is not None and one.high > one.low:
-        return one.high - one.low
-    return max(abs(one.high or one.low or 0.0), abs(one.value) if one.high is None and one.low is None else 0.0) or 1.0
+def _within_limits(one: Measured) -> float:
+    """Return where a number lies: 0 at its lower limit, 1 at its upper one; with one limit, as a share of this.
+
+    Limits may depend on where a joint was, so numbers are compared by their places between them.
+    """
+    if one.low is not None and one.high is not None:
+        return (one.value - one.low) / ((one.high - one.low) or 1.0)
+    limit = one.high if one.low is None else one.low
+    return one.value / abs(limit or 1.0)
 
 
 def table(rows: Sequence[Row]) -> Iterator[str]:
