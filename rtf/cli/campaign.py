@@ -16,6 +16,7 @@ import msgspec
 from rtf import clock
 from rtf.campaigns.backends.backend import BackendLostError
 from rtf.campaigns.store import AGAIN, CampaignStore, State
+from rtf.cli.command_tree import RTF
 from rtf.cli.parser import count, make_parser
 from rtf.testing.verdict import ExitCode
 
@@ -119,6 +120,8 @@ def run(words: Sequence[str]) -> ExitCode:
         " becomes of those that are going on.",
         "rtf campaign elbow.toml\nrtf campaign run elbow.toml --workers 4\nrtf campaign run elbow.toml --again",
     )
+    group, _, _ = RTF.find(["campaign"])
+    parser.epilog = f"commands (each has its own --help):\n{group.listing()}\n\n{parser.epilog}"
     parser.add_argument("--workers", metavar="N", type=count, help="workers on this machine (default: the file's)")
     parser.add_argument(
         "--again", action="store_true", help="also what has ended without a result; real robots move again, too"
