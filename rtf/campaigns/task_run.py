@@ -97,6 +97,14 @@ def run_task(data: bytes) -> bytes:
     return TaskRun(data).result()
 
 
+def problems_of(data: bytes) -> str:
+    """Return what the runner says is wrong with a job: parameters, fixtures, the fault. Nothing is run.
+
+    Raises OSError if the runner cannot be started.
+    """
+    return TaskRun(data).problems()
+
+
 class TaskRun:
     """A task that is being run; :meth:`stop` ends it from another thread."""
 
@@ -115,6 +123,23 @@ class TaskRun:
         if self._process is not None:
             processes.signal_process(self._process.pid, signal.SIGTERM)
 
+    def problems(self) -> str:
+        """Return what the runner says is wrong; empty if nothing is."""
+        with tempfile.TemporaryDirectory(prefix="rtf-campaign-") as place:
+            folder = Path(place)
+            self._write_files(folder)
+            words = [*self._words(folder, folder / self._job.key), "--dry-run"]
+            done = subprocess.run(
+                words,
+                cwd=folder,
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                text=True,
+                errors="replace",
+                check=False,
+            )
+        return (done.stderr.strip() or done.stdout.strip()) if done.returncode else ""
+
     def _run(self) -> TaskResult:
         robot = self._job.task.real
         if robot is not None and robot.name not in os.environ.get(PERMITTED, "").split(","):
@@ -129,11 +154,14 @@ class TaskRun:
         except OSError as error:
             return TaskResult(Status.BROKEN, f"{type(error).__name__}: {error}")
 
-    def _run_in(self, folder: Path) -> TaskResult:
+    def _write_files(self, folder: Path) -> None:
         for name, content in self._job.files.items():
             path = folder / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
+
+    def _run_in(self, folder: Path) -> TaskResult:
+        self._write_files(folder)
         run, said, began = folder / self._job.key, folder / "said", clock.monotonic()
         with said.open("wb") as stream:
             status = self._execute(self._words(folder, run), folder, stream)

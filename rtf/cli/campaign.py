@@ -15,6 +15,7 @@ import msgspec
 
 from rtf import clock
 from rtf.campaigns.backends.backend import BackendLostError
+from rtf.campaigns.errors import CampaignError
 from rtf.campaigns.store import AGAIN, CampaignStore, State
 from rtf.cli.command_tree import RTF
 from rtf.cli.parser import count, make_parser
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from rtf.campaigns.backends.backend import Backend
     from rtf.campaigns.campaign import Campaign
     from rtf.campaigns.conductor import Conductor, Progress
+    from rtf.campaigns.designs import Design
     from rtf.cli.parser import Parser
 
 #: What an average run takes if the campaign's file has none yet: of a simulated robot, of a test without a robot (s),
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
 _ROBOT_SECONDS, _SECONDS, _BYTES = 8.0, 0.5, 20_000
 #: Seconds between two lines of progress where there is no terminal.
 _SAY = 30.0
+_CHECKED = 8  # tasks that differ in test, parameters or overrides, and are checked before the first one is run
 _SHOWN = 12  # running tasks, and those without a result, that are listed
 #: Seconds for which a lost scheduler is looked for, and between two tries.
 _PATIENCE, _PAUSE = 120.0, 1.0
@@ -72,8 +75,24 @@ def plan(words: Sequence[str]) -> ExitCode:
     if options.list:
         for task in {task.key: task for task in design.tasks({})}.values():
             print(f"{task.key}  {task.described}")
+    _check_tasks(campaign, design)
     _print_plan(campaign, design.most, _state_of(options))
     return ExitCode.PASSED
+
+
+def _check_tasks(campaign: Campaign, design: Design) -> None:
+    """Check parameters and faults of some tasks as the runner does. Raises CampaignError with what is wrong."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    from rtf.campaigns.task_run import Job, encode_job, problems_of
+
+    different = {(task.test, task.suite, task.parameters, task.overrides): task for task in design.tasks({})}
+    tasks = [*different.values()][:_CHECKED]
+    jobs = [encode_job(Job(task.key, task, campaign.files, campaign.file.timeout)) for task in tasks]
+    with ThreadPoolExecutor(2) as pool:
+        for task, problems in zip(tasks, pool.map(problems_of, jobs), strict=True):
+            if problems:
+                raise CampaignError(f"{campaign.path}: {task.described}: {problems}")
 
 
 def _print_plan(campaign: Campaign, most: int, state: Path) -> None:
@@ -141,6 +160,8 @@ def run(words: Sequence[str]) -> ExitCode:
     design = make_design(campaign)
     path = _state_of(options)
     with CampaignStore(path, create=True, exclusive=True) as store:
+        if not store.counts():
+            _check_tasks(campaign, design)
         store.begin(again=options.again)
         with _Backends(campaign, options) as backends:
             assert backends.current is not None

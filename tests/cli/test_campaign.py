@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf import clock
+from rtf.campaigns.errors import CampaignError
 from rtf.campaigns.store import CampaignStore, State
 from rtf.cli.campaign import plan, run, status
 
@@ -75,6 +76,15 @@ def test_a_campaign_is_planned_run_and_looked_at(campaign: Path, capsys: pytest.
     assert "CAMPAIGN DONE  2 runs" in capsys.readouterr().out
     assert plan(words) == status(words) == 0
     assert "mean of the 2 that are done" in capsys.readouterr().out
+
+
+def test_a_misspelt_parameter_is_told_before_anything_runs(campaign: Path):
+    """The runner's check of parameters is made by plan, and before the first run."""
+    campaign.write_text(campaign.read_text().replace("gate =", "gte ="))
+    for command in (plan, run):
+        with pytest.raises(CampaignError, match=r"unknown parameter 'gte'.*did you mean 'gate'"):
+            command([str(campaign)])
+    assert counts(campaign) == {}
 
 
 def start(campaign: Path) -> subprocess.Popen[str]:
