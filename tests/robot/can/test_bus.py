@@ -127,6 +127,21 @@ def test_a_busy_interface_is_served_in_the_order_of_identifiers(channel: str, fa
     receiver.close()
 
 
+def test_what_waits_is_sent_with_the_next_frame(channel: str, failing: type[Failing]):
+    """Nothing waits for the thread of a bus while the interface is free: the next frame takes along what waits."""
+    got: Queue[Frame] = Queue()
+    receiver = CanBus(BusSettings("virtual", channel))
+    receiver.subscribe(lambda frame, _stamp: got.put(frame))
+    bus = CanBus(BusSettings("virtual", channel), threaded=False, opener=lambda one: failing(channel=one.channel))
+    failing.busy = True
+    bus.send(Frame(0x300, b"1"))
+    failing.busy = False
+    bus.send(Frame(0x100, b"2"))
+    assert [got.get(timeout=PATIENCE).data for _ in range(2)] == [b"2", b"1"]
+    bus.close()
+    receiver.close()
+
+
 def test_what_cannot_be_sent_is_told(channel: str, failing: type[Failing]):
     """A full queue refuses frames; frames that waited too long are dropped, counted and reported."""
     said: list[str] = []

@@ -267,6 +267,7 @@ class CanBus:
                     raise BusError(f"the CAN bus {self.name} is off: {len(ordered) - number} frames are not sent")
                 if self._waiting or not self._transmit(frame.identifier, frame.data):
                     self._queue(frame)
+            self._transmit_waiting()
 
     def withhold(self, seconds: float) -> None:
         """Send nothing for ``seconds`` of the robot's time, as if the host had died: frames are dropped and counted."""
@@ -300,6 +301,11 @@ class CanBus:
                 watch(frame, now)
         return True
 
+    def _transmit_waiting(self) -> None:
+        """Hand over what waits, in its order, until the interface is busy."""
+        while self._waiting and self._transmit(self._waiting[0][0], self._waiting[0][3]):
+            heapq.heappop(self._waiting)
+
     def _flush(self) -> None:
         """Send what waits, and drop what has waited too long."""
         with self._lock:
@@ -311,8 +317,7 @@ class CanBus:
                 self.counters.expired += len(late)
                 self._tell(f"the CAN bus {self.name} is busy: {len(late)} frames waited too long and were not sent")
             with suppress(BusError):  # which is reported
-                while self._waiting and self._transmit(self._waiting[0][0], self._waiting[0][3]):
-                    heapq.heappop(self._waiting)
+                self._transmit_waiting()
 
     # Errors of the bus -----------------------------------------------------------------------------------------------
 
