@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from rtf.robot.devices.can import sensor_messages as s
 from rtf.robot.devices.can.codec import decode
-from rtf.robot.devices.can.messages import Dialect
+from rtf.robot.devices.can.messages import Dialect, Frame
 from rtf.robot.errors import MessageError
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from rtf.robot.devices.can.codec import Decoded
     from rtf.robot.devices.can.codes import BoardType
-    from rtf.robot.devices.can.messages import Frame, Message, Question
+    from rtf.robot.devices.can.messages import Message, Question
     from rtf.simulator.firmware.wire import Connection, Wire
 
     Values = tuple[float | bytes, ...]
@@ -75,6 +75,11 @@ class Board(ABC):
         """Send a message of this board."""
         if self.address is not None and not self.silent:
             self.connection.send(message.frame(self.address, *values, axis=axis))
+
+    def send_packed(self, message: Message, data: bytes) -> None:
+        """Send a message whose data is made already."""
+        if self.address is not None and not self.silent:
+            self.connection.send(Frame(message.identifier(self.address), data))
 
     def answer_version(self, question: Question, values: Values, axis: int = 0) -> None:
         """Answer a question for the versions, and whether that of the host's protocol is agreed to."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from rtf.robot.devices.can import sensor_messages as s
 from rtf.robot.devices.can.codes import BoardType, InertialKind, StrainMode
+from rtf.robot.devices.can.messages import MAX_DATA
 from rtf.simulator.firmware.board import Board, number
 from rtf.simulator.firmware.readings import short
 
@@ -205,10 +206,14 @@ class SkinBoard(SensorBoard):
     flash = (StrainMode.CALIBRATED, SKIN_PERIOD)
 
     def broadcast(self, values: FloatArray) -> None:
-        rows = values.astype(np.int64).reshape(-1, _TAXELS).tolist()
-        for message, taxels in zip(s.SKIN, rows, strict=False):
-            self.send(message, 0, *taxels[:_FIRST])
-            self.send(message, _SECOND_PART, *taxels[_FIRST:], 0, 0)
+        triangles = np.clip(values, 0, _BYTE).astype(np.uint8).reshape(-1, _TAXELS)
+        table = np.zeros((len(triangles), 2, MAX_DATA), np.uint8)  # its parts of a triangle, each with its number
+        table[:, 0, 1:] = triangles[:, :_FIRST]
+        table[:, 1, 0] = _SECOND_PART
+        table[:, 1, 1 : 1 + _TAXELS - _FIRST] = triangles[:, _FIRST:]
+        data = table.tobytes()
+        for place in range(2 * len(triangles)):
+            self.send_packed(s.SKIN[place // 2], data[place * MAX_DATA : (place + 1) * MAX_DATA])
 
 
 #: The triangles of a skin board at most.

@@ -57,7 +57,7 @@ class Connection:
         self.sender_errors = self.receiver_errors = self.lost = self.waiting = 0
         self.off = False
         self.receive = node.receive
-        self._queue = wire.queue
+        self._wire = wire
 
     def send(self, frame: Frame) -> bool:
         """Queue a frame; return whether there was room, and the node is on the bus."""
@@ -65,7 +65,8 @@ class Connection:
             self.lost += 1
             return False
         self.waiting += 1
-        self._queue(frame, self)
+        wire = self._wire
+        heapq.heappush(wire.waiting, (frame[0], next(wire.order), frame, self))
         return True
 
     def recover(self) -> None:
@@ -93,8 +94,8 @@ class Wire:
         self.filters: list[Callable[[Frame, float], Iterable[Frame]]] = []
         self._nodes: list[Connection] = []
         self._receivers: dict[int, list[Connection]] = {}  # by identifier, as far as they were asked for
-        self._waiting: list[_Entry] = []
-        self._order = itertools.count()
+        self.waiting: list[_Entry] = []  # a heap: what takes part in the arbitration
+        self.order = itertools.count()
         self._debt = 0  # bits of the step that the last frame took beyond its end
 
     def attach(self, node: Node) -> Connection:
@@ -115,13 +116,9 @@ class Wire:
         for connection in self._nodes:
             connection.recover()
 
-    def queue(self, frame: Frame, sender: Connection) -> None:
-        """Let a frame take part in the arbitration."""
-        heapq.heappush(self._waiting, (frame[0], next(self._order), frame, sender))
-
     def step(self, now: float) -> None:
         """Send for a millisecond, from the simulated time ``now`` (s) on. One loop, as it runs for every frame."""
-        waiting, used, passed = self._waiting, self._debt, self._debt
+        waiting, used, passed = self.waiting, self._debt, self._debt
         while waiting and used < _BITS_A_STEP:
             entry = heapq.heappop(waiting)
             identifier, _, frame, sender = entry
@@ -148,14 +145,14 @@ class Wire:
     def _rivals(self, first: _Entry) -> list[_Entry]:
         """Take the frames of other nodes with the same identifier and other data: they spoil each other."""
         same: list[_Entry] = []
-        while self._waiting and self._waiting[0][0] == first[0]:
-            same.append(heapq.heappop(self._waiting))
+        while self.waiting and self.waiting[0][0] == first[0]:
+            same.append(heapq.heappop(self.waiting))
         rivals: dict[Connection, _Entry] = {}
         for entry in same:
             if entry[3] is not first[3] and entry[2] != first[2] and entry[3] not in rivals:
                 rivals[entry[3]] = entry
             else:
-                heapq.heappush(self._waiting, entry)
+                heapq.heappush(self.waiting, entry)
         return list(rivals.values())
 
     def _send_again(self, entries: list[_Entry]) -> None:
@@ -167,7 +164,7 @@ class Wire:
             elif connection.receiver_errors < _MOST_RECEIVER_ERRORS:
                 connection.receiver_errors += _RECEIVER_ERROR
         for entry in entries:
-            heapq.heappush(self._waiting, entry)
+            heapq.heappush(self.waiting, entry)
         for sender in senders:
             if sender.off:  # what it had to send is lost
                 sender.lost += sender.waiting
@@ -176,8 +173,8 @@ class Wire:
     def _forget(self, sender: Connection) -> None:
         """Drop what a node has to send."""
         sender.waiting = 0
-        self._waiting[:] = [entry for entry in self._waiting if entry[3] is not sender]
-        heapq.heapify(self._waiting)
+        self.waiting[:] = [entry for entry in self.waiting if entry[3] is not sender]
+        heapq.heapify(self.waiting)
 
     def _deliver(self, frame: Frame, sender: Connection, time: float) -> None:
         """Pass on what faults make of a frame."""

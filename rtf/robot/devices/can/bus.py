@@ -232,21 +232,18 @@ class CanBus:
 
     def take(self, frame: Frame, stamp: float) -> None:
         """Pass a frame to its receivers."""
-        self.counters.received += 1
-        self._count(frame)
-        for receive in self._receivers[frame[0]]:
-            try:
-                receive(frame, stamp)
-            except RobotError as error:
-                self._tell(f"the CAN bus {self.name}: {error}")
-
-    def _count(self, frame: Frame) -> None:
         identifier, data = frame
+        self.counters.received += 1
         traffic = self.traffic.get(identifier)
         if traffic is None:
             traffic = self.traffic[identifier] = Traffic()
         traffic.frames += 1
         traffic.data = data
+        for receive in self._receivers[identifier]:
+            try:
+                receive(frame, stamp)
+            except RobotError as error:
+                self._tell(f"the CAN bus {self.name}: {error}")
 
     def _read(self) -> None:
         while not self._ended.is_set():
@@ -296,7 +293,8 @@ class CanBus:
         self.counters.sent += 1
         if self.settings.interface not in ECHOING:
             frame, now = Frame(identifier, data), clock.current().now()
-            self._count(frame)
+            traffic = self.traffic.setdefault(identifier, Traffic())
+            traffic.frames, traffic.data = traffic.frames + 1, data
             for watch in self._watchers:
                 watch(frame, now)
         return True

@@ -78,6 +78,9 @@ class CanSensors(Device, IAnalogSensor, IMultipleAnalogSensors):
     def take(self, got: Decoded, stamp: float) -> None:
         """Keep the values of a message. Called by the thread of the bus."""
 
+    def refresh(self) -> None:
+        """Bring the values up to date before they are read; for sensors whose messages are many."""
+
     def begin(self, exchange: Exchange) -> None:
         """Have the boards send. Raises DeviceError."""
 
@@ -134,6 +137,7 @@ class CanSensors(Device, IAnalogSensor, IMultipleAnalogSensors):
         status = self._status(one)
         if status is not SensorStatus.OK:
             raise RefusedError(f"{self.name}: {one.info.name} has the status {status.name}")
+        self.refresh()
         return SensorReading(one.values, one.stamp)
 
     def _sensor(self, category: SensorCategory, index: int) -> Sensor:
@@ -163,6 +167,7 @@ class CanSensors(Device, IAnalogSensor, IMultipleAnalogSensors):
         for one in self.all_sensors:
             if self._status(one) in (SensorStatus.TIMEOUT, SensorStatus.WAITING_FOR_FIRST_READ):
                 raise StaleStateError(f"{self.name}: {one.info.name} has sent nothing for {self._timeout:g} s")
+        self.refresh()
         return np.concatenate([one.values for one in self.all_sensors]), min(one.stamp for one in self.all_sensors)
 
     def calibrate(self, channel: int | None = None, value: float | None = None) -> None:

@@ -199,19 +199,22 @@ class CanSkin(CanSensors):
             board: Sensor(SensorCategory.SKIN_PATCH, SensorInfo(f"{self.name}_{board}"), np.zeros(size * _TAXELS))
             for board, size in zip(addresses, sizes, strict=True)
         }
+        self._taxels = {board: bytearray(one.values.size) for board, one in self._patches.items()}
         return list(self._patches.values())
 
     def identifiers(self) -> list[int]:
         return [one.identifier(board) for board in self._patches for one in messages.SKIN]
 
     def take(self, got: Decoded, stamp: float) -> None:
-        patch = self._patches[got.source]
-        part, *taxels = got.values
+        taxels, (part, *values) = self._taxels[got.source], got.values
         second = bool(int(part) & _SECOND_PART)
         begin = got.message.code * _TAXELS + (_FIRST if second else 0)
-        count = _TAXELS - _FIRST if second else _FIRST
-        if begin >= patch.values.size:  # a triangle that the configuration does not know
-            return
-        values = patch.values.copy()
-        values[begin : begin + count] = taxels[:count]
-        patch.put(values, stamp)
+        if begin < len(taxels):  # others are of a triangle that the configuration does not know
+            count = _TAXELS - _FIRST if second else _FIRST
+            taxels[begin : begin + count] = bytes(map(int, values[:count]))
+            self._patches[got.source].stamp = stamp
+
+    def refresh(self) -> None:
+        """Make values of the taxels: fifty readings a second are asked for, and so many hundreds of messages come."""
+        for board, patch in self._patches.items():
+            patch.values = np.frombuffer(bytes(self._taxels[board]), np.uint8).astype(np.float64)
