@@ -7,6 +7,7 @@ the levels stand for themselves, each with its exact interval, and ``reason`` sa
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -25,10 +26,12 @@ if TYPE_CHECKING:
 
 #: The share of the faults that a test must find from its detection limit on.
 WANTED = 0.99
-#: More severities than these were drawn rather than chosen: they are shown in groups of equal size.
-_MOST_LEVELS = 12
+#: More severities than these, with fewer runs each, were drawn rather than chosen: they are shown in groups of equal
+#: size.
+_MOST_LEVELS, _FEWEST_RUNS = 12, 4
 _GROUPS = 8
-_POINTS = 60
+#: Points of the drawn curve: over the severities, and over the part where it rises.
+_POINTS, _RISING = 40, (0.001, 0.999)
 _FEWEST = 2
 #: How far the drawn curve goes beyond the severities that were tried.
 _BEYOND = 1.25
@@ -198,27 +201,28 @@ def _levels(sizes: Numbers, hits: Numbers) -> tuple[Level, ...]:
         return ()
     distinct = np.unique(sizes)
     order = np.argsort(sizes, kind="stable")
-    if len(distinct) > _MOST_LEVELS:
+    if len(distinct) > _MOST_LEVELS and len(sizes) < _FEWEST_RUNS * len(distinct):
         groups = np.array_split(order, _GROUPS)
     else:
         groups = [np.flatnonzero(sizes == size) for size in distinct]
-    return tuple(
-        Level(
-            float(sizes[group].mean()),
-            float(sizes[group].min()),
-            float(sizes[group].max()),
-            exact_rate(int(hits[group].sum()), len(group)),
-        )
-        for group in groups
-    )
+    return tuple(_level(sizes[group], hits[group]) for group in groups)
+
+
+def _level(sizes: Numbers, hits: Numbers) -> Level:
+    least, greatest = float(sizes.min()), float(sizes.max())
+    mean = least if least == greatest else float(sizes.mean())  # the mean of equal numbers may be another one
+    return Level(mean, least, greatest, exact_rate(int(hits.sum()), len(hits)))
 
 
 def _points(fit: Logistic, sizes: Numbers) -> tuple[Point, ...]:
     least, greatest = float(sizes[sizes > 0.0].min()), float(sizes.max())
     limit = _size(fit.reaches(WANTED)[0]) or greatest
     end = limit if greatest < limit < _FARTHEST * greatest else greatest
-    grid = np.geomspace(least / _BEYOND, end * _BEYOND, _POINTS)
-    rows = np.column_stack([grid, *fit.shares(np.log(grid))])
+    low, high = math.log(least / _BEYOND), math.log(end * _BEYOND)
+    first, last = (fit.reaches(share)[0] for share in _RISING)
+    rising = np.linspace(first, last, _POINTS)
+    grid = np.unique([*np.linspace(low, high, _POINTS), *rising[(low < rising) & (rising < high)]])
+    rows = np.column_stack([np.exp(grid), *fit.shares(grid)])
     return tuple(Point(*map(float, row)) for row in rows)
 
 

@@ -55,6 +55,20 @@ def test_severities_that_were_drawn_are_shown_in_groups():
     assert found.limit.severity == pytest.approx(truth.limit, rel=0.4)
 
 
+def test_many_severities_that_were_chosen_are_levels():
+    """Twenty severities with five runs each are not put into groups; and a steep curve is drawn where it rises."""
+    random, severities = np.random.default_rng(8), [0.9 + 0.01 * step for step in range(20)]
+    found = curve(Truth(middle=1.0, steepness=60.0).campaign(random, severities, 5))
+    assert [level.severity for level in found.levels] == severities
+    assert sum(0.05 < point.share < 0.95 for point in found.points) > 10
+
+
+def test_a_severity_that_was_chosen_is_a_level_of_exactly_this_size():
+    """The mean of five times 0.014 is another number."""
+    found = curve([faulty(0.014, found=False, unit=unit) for unit in range(5)])
+    assert found.levels[0].severity == 0.014
+
+
 SEPARATED = [faulty(size, found=size > 1.2, unit=unit) for size in (0.5, 1.0, 1.5, 2.0) for unit in range(10)]
 
 
