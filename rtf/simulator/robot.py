@@ -185,7 +185,8 @@ class SimulatedRobot:
             time = SimulationClock(self.simulation, self.clock, self.outlets, lockstep=self.lockstep)
             opened.enter_context(use_clock(time))
             boards = [part for part in self.parts if part in self.model.parts]
-            self.parts |= open_can_parts(firmware, boards, self.network, opened)
+            with self.simulation.held_at_home():  # until its motors have power
+                self.parts |= open_can_parts(firmware, boards, self.network, opened)
             self._drivers |= open_can_sensors(firmware, self.network, opened)
 
     def _serve(self, opened: ExitStack, server: Callable[..., Any], device: object, name: str, period: float) -> None:

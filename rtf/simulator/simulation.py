@@ -10,6 +10,7 @@ import heapq
 import itertools
 import math
 import threading
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from rtf.simulator.friction import DryFriction
 from rtf.simulator.plant import TIMESTEP
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from rtf.robot.interfaces import FloatArray
     from rtf.robot.publishing import Publisher
@@ -226,6 +227,30 @@ class Simulation:
         """
         self.factor = factor
         self._paced = None  # the pace starts anew, otherwise the loop would catch up with the past
+
+    @contextmanager
+    def held_at_home(self) -> Iterator[None]:
+        """Hold the robot at home and at rest, as a stand does, whatever its motors do, for as long as this lasts.
+
+        Controllers with an integral bear it afterwards, as those of a simulated robot do from its start.
+        """
+
+        def hold(now: float) -> None:
+            del now
+            self.data.qpos[:] = self.plant.home
+            self.data.qvel[:] = 0.0
+
+        with self.lock:
+            self.boards.each_step.append(hold)
+        try:
+            yield
+        finally:
+            with self.lock:
+                self.boards.each_step.remove(hold)
+                controllers = self.boards.controllers
+                for axis, torque in enumerate(self.boards.gravity().tolist()):
+                    if controllers.ki[axis]:
+                        controllers.set_integral(axis, torque)
 
     def reset(self) -> None:
         """Reset the robot to its state after the start: at home, at rest and healthy. The time is not reset."""

@@ -193,6 +193,7 @@ def test_the_sensors_of_a_robot_through_their_buses():
     """Every sensor of an arm, through board, bus and driver, reads what the sensor measures, within its counts."""
     network = Network(LocalNames())
     with SimulatedRobot(load_robot("icub"), network=network, lockstep=True, can=True, parts=["left_arm"]) as made:
+        assert made.parts["left_arm"].encoders() == pytest.approx(made.simulation.boards.targets[6:22], abs=0.5)  # home
         clock.current().sleep(0.1)
         firmware, drivers = made.firmware, made._drivers
         assert firmware is not None
