@@ -13,7 +13,7 @@ from rtf.robot.devices.can.messages import Setting
 from rtf.robot.errors import DeviceError, RobotError, StaleStateError
 from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.can_test import CanTest, OpenBus
-from rtf.robot_testing.guard.limits import GuardError
+from rtf.robot_testing.guard.limits import GuardError, Limits
 from rtf.robot_testing.judging.can_traffic import BoardOnBus, older_than_usual
 from rtf.robot_testing.motion.start_position import hold
 from rtf.testing import Parameter
@@ -52,6 +52,7 @@ class CanBoards(CanTest):
 
     tags = ("can",)
     safety = Safety.MOTION
+    limits = Limits(fault=True)
 
     firmware = Parameter(
         Bottle, "versions that boards should have, such as (BLL 3.5.0); others: that of most of their type",

@@ -24,6 +24,8 @@ class Limits:
     #: Greatest sudden change of the force at the part's sensor beyond what its motion explains, N. Chosen: a tenth of
     #: the 140 N that ISO/TS 15066 allows a robot to press on a hand, and more than the drift of strain gauges.
     contact: float | None = 15.0
+    #: Whether all joints of a part are stopped when one goes into hardware fault: its board is lost, or has a reason.
+    fault: bool = False
 
 
 class GuardError(RobotError, TestFailure):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 
 from rtf.middleware.clocks.network_clock import LockstepClock
+from rtf.robot.control_modes import ControlMode
 from rtf.robot.errors import NotSupportedError, RefusedError, RobotError, StaleStateError
 from rtf.robot_testing.guard.contacts import WITHIN, NoForcesError
 from rtf.robot_testing.guard.coverage import coverage_table
@@ -25,6 +26,7 @@ from rtf.robot_testing.guard.monitored_quantities import (
 )
 from rtf.robot_testing.guard.planned_moves import AHEAD
 from rtf.robot_testing.guard.restoration import RETURN_TIME, Restoration
+from rtf.robot_testing.guard.snapshot import answered
 from rtf.robot_testing.guard.watches.joint_state import JointBounds
 from rtf.robot_testing.guard.watches.joint_watch import JointWatch
 from rtf.robot_testing.judging.real_time_checks import RecentCpuPressure
@@ -140,7 +142,19 @@ class MotionGuard(GuardedPart):
             outside = (positions < self._low) | (positions > self._high)
             where = partial(shown, self.board, spec=".1f")
             self._judge(Violation(outside, lambda joint: f"is at {where(joint, positions[joint])}, beyond its limits"))
+        if self.limits.fault:
+            self._watch_faults()
         self._watch_motion()
+
+    def _watch_faults(self) -> None:
+        """Stop all joints when one is in hardware fault that was not in the snapshot."""
+        modes, before, fault = self.board.control_modes(), self.snapshot.modes, ControlMode.HARDWARE_FAULT
+        joint = next((one for one in self.included if modes[one] is fault and before[one] is not fault), None)
+        if joint is not None:
+            cause = answered(partial(self.board.last_joint_fault, joint))
+            why = f": {cause[1]}" if cause is not None and cause[1] else ""
+            text = f"{self.names[joint]} ({self.name} joint {joint}) went into hardware fault{why}"
+            self._stop(self.included, f"{text}; all joints of the part were stopped", joint)
 
     def _watch_way_back(self) -> None:
         """Check what is checked while joints are moved back: one may be outside of its limits then."""
