@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import pytest
 
-from .run_can_frames import fuzz, through_a_bus
+from .run_can_frames import fuzz, fuzz_driver, through_a_bus
 
 
 @pytest.mark.fuzz
 def test_random_frames_are_messages_or_are_refused():
     """Nothing but MessageError is raised, and a message has the same bytes again."""
     assert fuzz(20_000, seed=0) > 500
+
+
+@pytest.mark.fuzz
+def test_the_driver_survives_random_frames():
+    """Its states stay finite and in their ranges, and its modes are known ones."""
+    assert fuzz_driver(5_000, seed=0) == 50
 
 
 def test_no_frame_is_lost_on_a_bus():
