@@ -2,9 +2,9 @@
 
 First the demonstration suite, which crashes, hangs and fails on purpose, so that its own exit code is that of a run
 with failures; what is judged is whether the framework saw exactly what happened. Then two programs that talk, an
-application of five programs on two nodes, a simulated robot that moves, and the battery: all tests of a lab on the
-simulated iCub, with the live page. Unless a dialect is set, the battery runs on robots of YARP 3, and a share of it on
-one of YARP 4; another share runs on one whose boards are on CAN buses.
+application of five programs on two nodes, a simulated robot that moves, a test that names a broken board on a CAN bus,
+and the battery: all tests of a lab on the simulated iCub, with the live page. Unless a dialect is set, the battery runs
+on robots of YARP 3, and a share of it on one of YARP 4; another share runs on one whose boards are on CAN buses.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from rtf import clock
+from rtf.cli.demo_can import break_a_board
 from rtf.cli.parser import Parser, add_dialect
 from rtf.errors import RtfError
 from rtf.middleware.naming.configuration import find_dialect
@@ -68,6 +69,9 @@ def demo(words: Sequence[str]) -> ExitCode:
     wrong += _show("an application", lambda: run_application(runs))
     if _can_simulate():
         wrong += _show("a robot that moves", lambda: move(runs))
+        if find_spec("can"):
+            print("\nA bus of the robot's boards, one of which is off the bus")
+            wrong += _show("a broken board", lambda: break_a_board(runs))
         if not options.quick:
             shown.append(_battery(runs / "battery", dialect))
             wrong += shown[-1].wrong

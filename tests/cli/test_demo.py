@@ -40,6 +40,8 @@ def test_the_demo_sees_what_happens(tmp_path: Path):
     assert done.returncode == 0, done.stdout + done.stderr
     assert "python3 relay.py first on pc2 is restarted, attempt 1 of 3" in done.stdout
     assert "all programs were stopped, and nothing is left on the nodes" in done.stdout
+    assert "head0:3 is a MC_4DC with firmware 3.5.0" in done.stdout
+    assert "board head0:2 (neck_yaw, eyes_tilt): it does not answer" in done.stdout
     page, verdict = done.stdout.rstrip().splitlines()[-2:]
     assert verdict.startswith("DEMO PASSED")
     assert Path(page.partition(": ")[2]).read_text(encoding="utf-8").startswith("<!doctype html>")
