@@ -10,6 +10,7 @@ from rtf.robot.boards.can_frames import LONGEST
 from rtf.robot.boards.can_over_yarp import YarpBus
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.devices.can import motor_messages as motor
+from rtf.robot.devices.can.codes import FocFault
 from rtf.robot.devices.can.interfaces import can
 from rtf.robot.errors import StaleStateError
 from rtf.robot_testing import Safety, likely_causes
@@ -22,7 +23,7 @@ from rtf.testing import Parameter
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rtf.robot.devices.can.messages import Frame, Message
+    from rtf.robot.devices.can.messages import Frame
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.can_test import AxisPlace
     from rtf.robot_testing.judging.can_traffic import BoardOnBus, CanTraffic
@@ -35,6 +36,8 @@ _STOPPED = 0.1
 #: Ticks or counts a speed at least, on the bus, so that it can be judged.
 _LEAST_SPEED = 4.0
 _BACK = 20.0  # deg/s
+#: Seconds after the silence that are recorded: drives show where they are only when they are spoken to again.
+_SPEAKS = 0.1
 #: Seconds after the silence in which the board obeys again.
 _OBEYS = 0.5
 
@@ -101,6 +104,7 @@ class CanTimeouts(CanTest):
         finally:
             for channel in self.buses:
                 self._withhold(channel, 0.0)
+        self.sleep(_SPEAKS)
         return {channel: bus.traffic() for channel, bus in self.buses.items()}
 
     def _run_for(self, part: Part, joints: Sequence[int], speeds: FloatArray, seconds: float) -> None:
@@ -123,6 +127,10 @@ class CanTimeouts(CanTest):
 
     def _come_back(self, part: Part, joints: Sequence[int]) -> None:
         """Move back: the boards obey again."""
+        modes = part.board.control_modes(joints)
+        faulty = [one for one, mode in zip(joints, modes, strict=True) if mode is ControlMode.HARDWARE_FAULT]
+        if faulty:  # a drive without setpoints is in fault, as it should be
+            part.set_mode(ControlMode.FORCE_IDLE, faulty)
         hold(part, joints)
         self.require(part.move(part.home[joints], joints, speed=_BACK), "its home", part, joints, part.home[joints])
 
@@ -137,6 +145,9 @@ class CanTimeouts(CanTest):
         commands = [time for frame, time in traffic.frames if _commands(frame, board, axis.place)]
         self.assert_error_if_false(commands, f"{name}: no command to the board was seen on the bus")
         since, until = longest_gap([*commands, float(traffic.times.max())])
+        if board.drives:
+            self._judge_drive(name, board, traffic, until)
+            return
         times, speeds = _speeds(traffic, board, axis.place)
         times, speeds = times[times <= until], speeds[times <= until]
         self.record(f"{axis.name} on the bus", time=(times - since, "s"), speed=(speeds, "count"))
@@ -150,6 +161,24 @@ class CanTimeouts(CanTest):
         hint = f"{name} stops {took:.2f} s after the last command{goes_on}; {likely_causes('watchdog')}"
         self.measure("time until it stops", took, "s", high=self.timeout + self.max_late, hint=hint)
 
+    def _judge_drive(self, name: str, board: BoardOnBus, traffic: CanTraffic, until: float) -> None:
+        """Judge a board that drives a motor: it says nothing in the silence, and afterwards whether it has stopped.
+
+        A joint may fall then, as its motor is off, so its way says nothing.
+        """
+        ways = [(time, float(got.values[2])) for time, got in traffic.messages(board, motor.FOC_FEEDBACK)]
+        states = [int(got.values[3]) for time, got in traffic.messages(board, motor.FOC_STATUS) if time >= until]
+        self.assert_fail_if_false(states, f"{name}: the board does not answer setpoints after the silence")
+        before = [position for time, position in ways if time < until]
+        after = [position for time, position in ways if time >= until]
+        if before and after:
+            self.measure("way of the rotor in the silence", after[0] - before[-1], "count")
+        self.check_fail_if_false(
+            any(state & FocFault.SETPOINT_EXPIRED for state in states),
+            f"{name} has not stopped within {self.timeout + self.max_late + _OBEYS:g} s without setpoints; "
+            f"{likely_causes('watchdog')}",
+        )
+
 
 def _commands(frame: Frame, board: BoardOnBus, place: int) -> bool:
     """Whether a frame commands a velocity of an axis."""
@@ -161,8 +190,6 @@ def _commands(frame: Frame, board: BoardOnBus, place: int) -> bool:
 
 def _speeds(traffic: CanTraffic, board: BoardOnBus, place: int) -> tuple[FloatArray, FloatArray]:
     """Return the times and the speeds of an axis, as its board broadcasts them."""
-    message: Message = motor.FOC_FEEDBACK if board.drives else motor.BROADCAST_VELOCITY
-    column = 1 if board.drives else place
-    rows = [(time, float(got.values[column])) for time, got in traffic.messages(board, message)]
+    rows = [(time, float(got.values[place])) for time, got in traffic.messages(board, motor.BROADCAST_VELOCITY)]
     times, speeds = np.array(rows).reshape(-1, 2).T
     return times, speeds
