@@ -20,13 +20,12 @@ from rtf.middleware.ports.network import Network
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.devices.can import motor_messages as motor
 from rtf.robot.devices.can.bus import CanBus, share, unshare
-from rtf.robot.devices.can.bus_settings import BusSettings
+from rtf.robot.devices.can.bus_settings import SIMULATED, BusSettings
 from rtf.robot.devices.can.codec import decode
 from rtf.robot.devices.can.messages import Dialect, Frame
 from rtf.robot.errors import MessageError, StaleStateError
 from rtf.robot.extended_state import ExtendedState
 from rtf.robot.model import load_robot
-from rtf.simulator.firmware.simulated_bus import INTERFACE
 from rtf.simulator.robot import SimulatedRobot
 
 PATIENCE = 300.0
@@ -62,7 +61,7 @@ def fuzz_driver(frames: int, seed: int) -> int:
     """
     chance, cycles = random.Random(seed), 0
     with SimulatedRobot(load_robot("bench"), network=Network(LocalNames()), lockstep=True, can=True) as robot:
-        arm, bus = robot.parts["arm"], share(BusSettings(INTERFACE, "arm0"), print)
+        arm, bus = robot.parts["arm"], share(BusSettings(SIMULATED, "arm0"), print)
         state = ExtendedState(arm.axes())
         most = LARGEST / float(robot.simulation.boards.resolution[:2].min())
         for first in range(0, frames, TOGETHER):
