@@ -102,3 +102,12 @@ def test_no_page_is_a_dead_end():
         if "://" not in target and not (page.parent / target).exists()
     ]
     assert not dead, dead
+
+
+def test_a_decision_has_its_own_number():
+    """No two decision records have the same number, and the title has that of the file."""
+    pages = sorted((ROOT / "docs" / "decisions").glob("*.md"))
+    numbers = [int(page.name[:4]) for page in pages]
+    assert len({*numbers}) == len(numbers), [page.name for page in pages]
+    titles = [page.read_text(encoding="utf-8").split()[1].rstrip(":") for page in pages]
+    assert [*map(str, numbers)] == titles
