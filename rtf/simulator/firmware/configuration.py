@@ -41,7 +41,7 @@ def can_configuration(firmware: Firmware, wire: str, bus: BusSettings | None = N
     ``bus`` is the bus of python-can that the wire is bridged to, if the driver is to use that.
     """
     bus = bus or BusSettings(SIMULATED, wire)
-    options = " ".join(f"({name} {value})" for name, value in bus.options)
+    options = f" (OPTIONS {' '.join(f'({name} {value})' for name, value in bus.options)})" if bus.options else ""
     own = [board for board in firmware.motor_boards if board.wire.name == wire]
     axes = [axis for board in own for axis in board.axes]
     boards, row = firmware.simulation.boards, partial(_row, axes)
@@ -53,7 +53,7 @@ def can_configuration(firmware: Firmware, wire: str, bus: BusSettings | None = N
         f" (Encoder {row(boards.resolution)}) (fullscalePWM {' '.join([str(FULL_OUTPUT)] * len(axes))})"
         f" (newtonsToSensor {TORQUE_COUNTS:g}) (Gearbox_M2J {row(boards.configured_gearbox)})"
         f" (supplyVoltage {row(boards.supply_voltage)}))"
-        f" (CAN (interface {bus.interface}) (channel {bus.channel}) (OPTIONS {options}) (CanTimeout {_TIMEOUT})"
+        f" (CAN (interface {bus.interface}) (channel {bus.channel}){options} (CanTimeout {_TIMEOUT})"
         f" (CanAddresses {' '.join(str(board.address) for board in own)}))"
         f" (LIMITS (jntPosMin {row(boards.minimum)}) (jntPosMax {row(boards.maximum)})"
         f" (jntVelMax {row(boards.max_velocity)}) (jntTrqMax {row(boards.max_torque)})"

@@ -30,7 +30,10 @@ _PROGRAM = "import sys; from rtf.cli.network.name_server import nameserver; sys.
 
 
 class Program:
-    """``rtf nameserver`` as a process that can be killed and started again at the same address."""
+    """``rtf nameserver`` as a process that can be killed and started again at the same address.
+
+    While it is not there, its port may be that of any connection from 127.0.0.1; none comes from this address.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._environment = {**os.environ, "YARP_CONFIG_HOME": str(folder)}
@@ -40,7 +43,7 @@ class Program:
 
     def start(self) -> None:
         """Start the server, at its former address."""
-        words = [sys.executable, "-c", _PROGRAM, "--socket", self._number, "--no-discovery"]
+        words = [sys.executable, "-c", _PROGRAM, "--ip", "127.77.0.1", "--socket", self._number, "--no-discovery"]
         self._process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True, env=self._environment)
         assert self._process.stdout is not None
         said = self._process.stdout.readline()
