@@ -12,6 +12,7 @@ nineteen bytes, little endian: time (s, 64-bit float), identifier (16 bits), num
 from __future__ import annotations
 
 import struct
+import threading
 from collections import deque
 from contextlib import suppress
 from typing import TYPE_CHECKING
@@ -89,16 +90,23 @@ class CanFramesServer(StreamServer[Bottle]):
         self._bus = bus
         self._frames: deque[tuple[Frame, float]] = deque(maxlen=_MOST)
         self._end: Callable[[], None] | None = None
+        self._lock = threading.Lock()
         self.open_ports([f"{name}{FRAMES}"], BOTTLE)
         self._opened.enter_context(RpcServer(f"{name}{REQUESTS}", self.answer, network=network, guarded=True))
 
     def publish(self, now: float) -> None:
         """Publish, and watch the bus only while there are readers."""
-        if self.heard and self._end is None:
-            self._end = self._bus.watch(self._take)
-        elif not self.heard:
+        if self.heard:
+            self._watch()
+        else:
             self._stop()
         super().publish(now)
+
+    def _watch(self) -> None:
+        """Watch the bus from now on. May be called in any thread."""
+        with self._lock:
+            if self._end is None:
+                self._end = self._bus.watch(self._take)
 
     def _take(self, frame: Frame, stamp: float) -> None:
         self._frames.append((frame, stamp))
@@ -108,10 +116,11 @@ class CanFramesServer(StreamServer[Bottle]):
         return (Bottle([frames]), now) if frames else None
 
     def _stop(self) -> None:
-        if self._end is not None:
-            self._end()
-            self._end = None
-            self._frames.clear()
+        with self._lock:
+            if self._end is not None:
+                self._end()
+                self._end = None
+                self._frames.clear()
 
     def answer(self, request: Bottle) -> Bottle:
         """Return the answer to a request. May be called in any thread."""
@@ -132,6 +141,8 @@ class CanFramesServer(StreamServer[Bottle]):
             raise RefusedError("a frame has an identifier and a blob")
         if not _is_question(Frame(identifier, data)):
             raise RefusedError(f"the frame {identifier:#05x} is no question; only questions are passed on")
+        if self.heard:  # whoever has just begun to read sees the question, too
+            self._watch()
         self._bus.send(Frame(identifier, data))
 
     def _withhold(self, seconds: float) -> None:
