@@ -70,11 +70,14 @@ class Row:
 class CampaignStore(History):
     """An open file of a campaign. Methods raise HistoryError.
 
-    With ``exclusive`` it is that of the one process that runs the campaign. Raises CampaignError if another one does.
+    With ``exclusive`` it is that of the one process that runs the campaign. Raises CampaignError if another one does, or
+    if there is no file and none is to be made.
     """
 
     def __init__(self, path: Path, *, create: bool = False, exclusive: bool = False) -> None:
         self._lock = -1
+        if not create and not path.exists():
+            raise CampaignError(f"there is no campaign {path}: 'rtf campaign FILE.toml' runs one, into FILE.sqlite")
         if exclusive:
             self._lock = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
             try:

@@ -99,7 +99,7 @@ def test_a_campaign_without_runs_has_no_report(lab: Lab, tmp_path: Path):
         pass
     with pytest.raises(CampaignError, match=r"empty\.sqlite: no run of this campaign is done yet"):
         report([str(tmp_path / "empty.sqlite")])
-    with pytest.raises(HistoryError, match=r"none\.sqlite"):
+    with pytest.raises(CampaignError, match=r"there is no campaign .*none\.sqlite: 'rtf campaign FILE.toml' runs one"):
         report([str(tmp_path / "none.sqlite")])
     with pytest.raises(HistoryError, match=r"before\.toml"):
         report([str(lab.folder / "before.toml")])
