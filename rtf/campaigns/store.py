@@ -70,8 +70,8 @@ class Row:
 class CampaignStore(History):
     """An open file of a campaign. Methods raise HistoryError.
 
-    With ``exclusive`` it is that of the one process that runs the campaign. Raises CampaignError if another one does, or
-    if there is no file and none is to be made.
+    With ``exclusive`` it is that of the one process that runs the campaign. Raises CampaignError if another one does,
+    or if there is no file and none is to be made.
     """
 
     def __init__(self, path: Path, *, create: bool = False, exclusive: bool = False) -> None:
