@@ -116,11 +116,8 @@ class CanBoards(CanTest):
         if kind in wanted:
             odd = {key: wanted[kind] for key, one in boards.items() if one.firmware_text != wanted[kind]}
         else:
-            names = {f"{channel}:{board}": one.firmware for (channel, board), one in boards.items()}
-            usual = older_than_usual(names)
-            odd = {
-                key: ".".join(map(str, usual[f"{key[0]}:{key[1]}"])) for key in boards if f"{key[0]}:{key[1]}" in usual
-            }
+            usual = older_than_usual({key: one.firmware for key, one in boards.items()})
+            odd = {key: ".".join(map(str, version)) for key, version in usual.items()}
         for (channel, board), right in odd.items():
             text = f"its firmware is {boards[channel, board].firmware_text}, and that of a {kind} here is {right}"
             self._complain(channel, board, text, "board version")

@@ -60,14 +60,12 @@ class Conductor:
         self._found: dict[str, bool | None] = {}
         self._began = clock.monotonic()
         self._finished = 0
-        self.stopping = False
+        self.stopping = self._dropping = False
 
     def stop(self, *, drop: bool = False) -> None:
         """Begin no further task; ``drop`` ends those that are running, too. From any thread, or a signal handler."""
-        self._dropping = drop or (self.stopping and self._dropping)
+        self._dropping = self._dropping or drop
         self.stopping = True
-
-    _dropping = False
 
     def run(self, show: Callable[[Progress], None] = lambda _: None) -> None:
         """Run all tasks that the design wants, or until it is stopped. Raises HistoryError, and BackendLostError."""

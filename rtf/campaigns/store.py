@@ -52,6 +52,7 @@ class State(StrEnum):
 
 #: The states that a person may have run again.
 AGAIN = (State.KILLED, State.BROKEN, State.LOST, State.REFUSED)
+_AGAIN = ", ".join(f"'{state}'" for state in AGAIN)  # for SQL
 
 
 class ResultError(CampaignError):
@@ -118,10 +119,9 @@ class CampaignStore(History):
                 "detail = 'the campaign ended during the run' WHERE state = 'running'"
             )
             if again:
-                marks = ", ".join(f"'{state}'" for state in AGAIN)
                 execute(
                     f"UPDATE tasks SET state = 'waiting', attempts = CASE robot WHEN '' THEN 0 ELSE attempts END "  # noqa: S608
-                    f"WHERE state IN ({marks})"
+                    f"WHERE state IN ({_AGAIN})"
                 )
 
     def take(self, count: int, robot: str = "") -> list[Row]:
@@ -191,10 +191,9 @@ class CampaignStore(History):
 
     def endings(self) -> list[tuple[Task, State, str]]:
         """Return the tasks that ended without a result, with the reason."""
-        marks = ", ".join(f"'{state}'" for state in AGAIN)
         with self._telling():
             rows = self._connection.execute(
-                f"SELECT task, state, detail FROM tasks WHERE state IN ({marks}) ORDER BY id"  # noqa: S608
+                f"SELECT task, state, detail FROM tasks WHERE state IN ({_AGAIN}) ORDER BY id"  # noqa: S608
             ).fetchall()
         return [(from_json(task), State(state), detail) for task, state, detail in rows]
 

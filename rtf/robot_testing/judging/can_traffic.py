@@ -6,7 +6,7 @@ It judges what the protocol says (ISO 11898-1, and the schedule of the boards) a
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -21,9 +21,13 @@ from rtf.robot.errors import MessageError
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
+    from numpy.typing import NDArray
+
     from rtf.robot.devices.can.codec import Decoded
     from rtf.robot.devices.can.messages import Frame, Message
     from rtf.robot.interfaces import FloatArray
+
+Key = TypeVar("Key")
 
 #: Seconds of a board's schedule, in which it sends each broadcast once: of boards of four axes, and of others.
 CYCLE_OF_FOUR, CYCLE = 0.005, 0.004
@@ -86,6 +90,7 @@ class CanTraffic:
         self.times = np.array([time for _, time in frames])
         self.seconds = float(np.ptp(self.times)) if len(frames) else 0.0
         self._bits = np.array([frame_bits(frame) for frame, _ in frames])
+        self._numbers = np.array([frame.identifier for frame, _ in frames])
         self._bitrate = bitrate
         found: dict[int, list[tuple[float, bytes]]] = {}
         for frame, time in frames:
@@ -98,12 +103,14 @@ class CanTraffic:
     @property
     def load(self) -> float:
         """The load, a share of the bits that the bus can carry; 0 without a time."""
-        return float(self._bits.sum()) / self._bitrate / self.seconds if self.seconds else 0.0
+        return self._share(self._bits)
 
     def load_of(self, identifier: int) -> float:
         """Return the share that one identifier has in the bits that the bus can carry."""
-        mine = [bits for (frame, _), bits in zip(self.frames, self._bits, strict=True) if frame[0] == identifier]
-        return float(sum(mine)) / self._bitrate / self.seconds if self.seconds else 0.0
+        return self._share(self._bits[self._numbers == identifier])
+
+    def _share(self, bits: NDArray[np.int64]) -> float:
+        return float(bits.sum()) / self._bitrate / self.seconds if self.seconds else 0.0
 
     def busiest(self, seconds: float) -> float:
         """Return the greatest load in a window of some seconds."""
@@ -210,7 +217,7 @@ def rest_after(times: FloatArray, speeds: FloatArray, share: float) -> float | N
     return float(times[fast[-1] + 1]) if fast[-1] + 1 < len(times) else None
 
 
-def older_than_usual(versions: Mapping[str, tuple[int, ...]]) -> dict[str, tuple[int, ...]]:
+def older_than_usual(versions: Mapping[Key, tuple[int, ...]]) -> dict[Key, tuple[int, ...]]:
     """Return the boards whose version is not that of most, each with the version of most.
 
     Where as many boards have one version as another, the newest is taken for the right one.
@@ -219,4 +226,4 @@ def older_than_usual(versions: Mapping[str, tuple[int, ...]]) -> dict[str, tuple
         return {}
     counts = {version: [*versions.values()].count(version) for version in versions.values()}
     usual = max(counts, key=lambda version: (counts[version], version))
-    return {name: usual for name, version in versions.items() if version != usual}
+    return {board: usual for board, version in versions.items() if version != usual}
