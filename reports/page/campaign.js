@@ -1,10 +1,11 @@
 // The page of a campaign: what its outcomes teach, from the data that the page carries.
 
 import { coverageChart, detectionChart, distributionChart, intervalChart } from "./campaign_charts.js";
+import { LiveCampaign } from "./campaign_live.js";
 import { capabilityText, curveTitle, figureText, limitText, needsText, rateText, sizeText } from "./campaign_words.js";
 import { percentText } from "./chart_helpers.js";
 import { blockJson } from "./data_source.js";
-import { free, h } from "./dom.js";
+import { fill, free, h } from "./dom.js";
 import { formatCount, formatLimits, formatSeconds, visible } from "./format.js";
 import { SortTable } from "./sort_table.js";
 import { badge } from "./state_signs.js";
@@ -171,17 +172,35 @@ function headOf({ name, size }) {
   return h("header", { class: "campaign-head" }, h("h1", { text: `Campaign ${name}` }), h("p", { class: "dim", text: visible(facts.join(" · ")) }));
 }
 
-async function showCampaign() {
-  const report = await blockJson("rtf-campaign");
-  document.title = visible(`Campaign ${report.name}`);
-  const chapters = [
+function chaptersOf(report) {
+  return [
     report.detection.length > 0 && detectionChapter(report),
     report.alarms.length > 0 && alarmsChapter(report),
     report.distributions.length > 0 && distributionsChapter(report),
     costsChapter(report),
   ];
+}
+
+/** The page of a campaign that is running: the report below what is going on, drawn anew where the reader is. */
+function showLive() {
+  const head = h("div", {}, h("header", { class: "campaign-head" }, h("h1", { text: "Campaign" })));
+  const chapters = h("div");
+  const live = new LiveCampaign((report) => {
+    const place = scrollY;
+    fill(head, headOf(report));
+    fill(chapters, chaptersOf(report));
+    scrollTo({ top: place, behavior: "instant" });
+  });
+  document.body.replaceChildren(head, h("main", {}, live.element, chapters));
+  live.start();
+}
+
+async function showCampaign() {
   document.body.classList.add("campaign");
-  document.body.replaceChildren(headOf(report), h("main", {}, chapters));
+  const report = await blockJson("rtf-campaign");
+  if (!report) return showLive();
+  document.title = visible(`Campaign ${report.name}`);
+  document.body.replaceChildren(headOf(report), h("main", {}, chaptersOf(report)));
 }
 
 showCampaign();

@@ -5,8 +5,9 @@ It runs in one thread. Whatever dies, the file says what is done; a campaign tha
 
 from __future__ import annotations
 
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import Future, wait
 from dataclasses import dataclass
+from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING
 
 from rtf import clock
@@ -36,6 +37,7 @@ class Progress:
     running: tuple[str, ...]
     robots: Mapping[str, str]  # real robots, and the task of each
     workers: str
+    dashboard: str
     remaining: float | None
     stopping: bool
 
@@ -57,6 +59,7 @@ class Conductor:
         self._backend = backend
         self._lost = lost
         self._running: dict[Future[bytes], Row] = {}
+        self._ended: SimpleQueue[Future[bytes] | None] = SimpleQueue()  # None: somebody asked for something
         self._found: dict[str, bool | None] = {}
         self._began = clock.monotonic()
         self._finished = 0
@@ -66,6 +69,7 @@ class Conductor:
         """Begin no further task; ``drop`` ends those that are running, too. From any thread, or a signal handler."""
         self._dropping = self._dropping or drop
         self.stopping = True
+        self._ended.put(None)
 
     def run(self, show: Callable[[Progress], None] = lambda _: None) -> None:
         """Run all tasks that the design wants, or until it is stopped. Raises HistoryError, and BackendLostError."""
@@ -95,49 +99,57 @@ class Conductor:
             running=tuple(row.task.described for row in self._running.values()),
             robots={row.task.real.name: row.task.described for row in self._running.values() if row.task.real},
             workers=self._backend.described,
+            dashboard=self._backend.dashboard,
             remaining=taken / self._finished * left if self._finished else None,
             stopping=self.stopping,
         )
 
     def _turn(self) -> bool:
-        """Give out tasks, wait for results and store them; returns whether there is more to be done."""
-        if not self.stopping:
-            self._submit()
-        if not self._running:
-            return False
-        done = wait(self._running, timeout=_LOOK, return_when=FIRST_COMPLETED).done
+        """Put results into the file and note what comes next, at once; then give it out. Returns whether more runs."""
+        done = self._wait() if self._running else []
         results = [(self._running[future], self._backend.result(future)) for future in done]
         with self._store.transaction():
             for row, result in results:
                 self._settle(row, result)
-        for future in done:
-            del self._running[future]
+            for future in done:
+                del self._running[future]
+            rows = [] if self.stopping else self._take()
+        for row in rows:
+            self._submit(row)
         if self._dropping and self._running:
             self._drop()
-        return True
+        return bool(self._running)
 
-    def _submit(self) -> None:
-        """Fill the backend; each real robot has one task at a time."""
+    def _wait(self) -> list[Future[bytes]]:
+        """Wait for results, until it is time for the display; return those that are there."""
+        found: list[Future[bytes] | None] = []
+        try:
+            found.append(self._ended.get(timeout=_LOOK))
+            while True:
+                found.append(self._ended.get_nowait())
+        except Empty:
+            return [future for future in found if future in self._running]  # others are of a backend that was lost
+
+    def _take(self) -> list[Row]:
+        """Return the tasks that the backend has room for; each real robot has one at a time."""
         simulated = sum(row.task.real is None for row in self._running.values())
-        rows = self._take(self._backend.slots - simulated)
+        count = max(0, self._backend.slots - simulated)
+        rows = self._store.take(count)
+        if len(rows) < count and isinstance(self._design, Sequential):
+            self._store.add(self._design.tasks(self._found))
+            rows += self._store.take(count - len(rows))
         busy = {row.task.real.name for row in self._running.values() if row.task.real}
         for robot in self._campaign.real_robots:
             if robot not in busy:
                 rows += self._store.take(1, robot)
-        for row in rows:
-            task = row.task
-            job = Job(task.key, task, self._campaign.files, self._campaign.file.timeout, row.attempts + 1)
-            self._running[self._backend.submit(encode_job(job), task.robot if task.real else "")] = row
-
-    def _take(self, count: int) -> list[Row]:
-        if count <= 0:
-            return []
-        with self._store.transaction():
-            rows = self._store.take(count)
-            if len(rows) < count and isinstance(self._design, Sequential):
-                self._store.add(self._design.tasks(self._found))
-                rows += self._store.take(count - len(rows))
         return rows
+
+    def _submit(self, row: Row) -> None:
+        task = row.task
+        job = Job(task.key, task, self._campaign.files, self._campaign.file.timeout, row.attempts + 1)
+        future = self._backend.submit(encode_job(job), task.robot if task.real else "")
+        self._running[future] = row
+        future.add_done_callback(self._ended.put)
 
     def _settle(self, row: Row, result: TaskResult) -> None:
         """Put the result of a task into the file."""

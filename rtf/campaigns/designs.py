@@ -88,6 +88,19 @@ class Drawn(Design):
         return points
 
 
+class Claimed(Design):
+    """What the claims of tests say: faults that they find, faults that they do not mind, and healthy robots."""
+
+    def tasks(self, found: Found) -> Iterator[Task]:  # noqa: ARG002 - of the base class
+        from rtf.campaigns.claims import task_of
+        from rtf.robot_testing.proof import shipped_cases
+
+        file = self.campaign.file
+        for case in shipped_cases([test.name for test in file.tests], fast=file.design.fast):
+            for seed in file.all_seeds:
+                yield task_of(case, seed)
+
+
 @dataclass(frozen=True, slots=True)
 class _Level:
     """What is known of one severity: the runs that are wanted for it, and whether the fault is found (None: open)."""
@@ -195,7 +208,7 @@ class Sequential(Design):
 
 def make_design(campaign: Campaign) -> Design:
     """Return the design of a campaign. Raises CampaignError if it needs a package that is not installed."""
-    kinds = {"grid": Grid, "random": Drawn, "latin_hypercube": Drawn, "sequential": Sequential}
+    kinds = {"grid": Grid, "random": Drawn, "latin_hypercube": Drawn, "sequential": Sequential, "claims": Claimed}
     made: Design = kinds[campaign.file.design.kind](campaign)  # type: ignore[abstract]  # these are not
     return made
 

@@ -139,10 +139,11 @@ class DesignTable(Table, frozen=True):
     ``sequential`` repeats each one, ``batch`` runs at a time, until the ``confidence`` interval of the share of runs
     in which the test fails is above or below ``rate`` (``alarms`` without a fault), or all units and seeds are used;
     between the ends of a range of severities it bisects for the smallest one that is found, down to ``resolution``, a
-    share of the range.
+    share of the range. ``claims`` runs what the claims of the tests say, as ``rtf proof`` does; with ``fast`` its fast
+    subset.
     """
 
-    kind: Literal["grid", "random", "latin_hypercube", "sequential"] = "grid"
+    kind: Literal["grid", "random", "latin_hypercube", "sequential", "claims"] = "grid"
     points: Count = 100
     seed: Number = 0
     batch: Count = 5
@@ -150,6 +151,7 @@ class DesignTable(Table, frozen=True):
     alarms: Share = 0.1
     confidence: Share = 0.95
     resolution: Share = 0.05
+    fast: bool = False
 
 
 class TlsTable(Table, frozen=True):
@@ -177,7 +179,7 @@ class BackendTable(Table, frozen=True):
 
 
 class CampaignFile(Table, frozen=True):
-    """The whole file.
+    """The whole file. Only with a design of ``claims`` it may have no tests, which are all that claim something then.
 
     ``seeds`` are numbers, or how many there are from 0. ``healthy`` runs everything without a fault, too. A run that
     takes longer than ``timeout`` (s) is ended; one whose worker dies is tried ``attempts`` times. ``files`` are
@@ -186,7 +188,7 @@ class CampaignFile(Table, frozen=True):
 
     schema: Literal[1]
     name: Annotated[str, Meta(pattern=r"^[\w.-]+$")]
-    tests: Annotated[list[TestTable], Meta(min_length=1)]
+    tests: list[TestTable] = []
     robots: list[RobotTable] = []
     faults: list[FaultTable] = []
     overrides: list[OverrideTable] = []
@@ -214,6 +216,7 @@ def read_file(path: Path) -> tuple[TomlFile[CampaignFile], CampaignFile]:
     toml: TomlFile[CampaignFile] = TomlFile(path, CampaignError)
     file = toml.converted(CampaignFile, _NAMES)
     _check_ranges(toml, file)
+    _check_claims(toml, file)
     for number, test in enumerate(file.tests):
         if bool(test.name) == bool(test.suite):
             toml.fail(["tests", str(number)], "tests: write the name of a test, or a suite")
@@ -245,6 +248,19 @@ def _check_ranges(toml: TomlFile[CampaignFile], file: CampaignFile) -> None:
                 toml.fail(keys, f"{keys[0]}: a range with scale = log begins above 0")
         elif values is not None and not values:
             toml.fail(keys, f"{keys[0]}: there is no value in the list")
+
+
+def _check_claims(toml: TomlFile[CampaignFile], file: CampaignFile) -> None:
+    if file.design.kind != "claims":
+        if not file.tests:
+            toml.fail([], "tests: a campaign needs one at least")
+        return
+    for name in ("robots", "faults", "overrides"):
+        if getattr(file, name):
+            toml.fail([name], f'{name}: with kind = "claims" the claims of the tests say them')
+    for number, test in enumerate(file.tests):
+        if test.suite or test.parameters or test.faults is not None:
+            toml.fail(["tests", str(number)], 'tests: with kind = "claims" a test has a name and nothing else')
 
 
 def _check_robot(toml: TomlFile[CampaignFile], number: int, robot: RobotTable) -> None:

@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rtf.campaigns.errors import CampaignError
 from rtf.campaigns.outcomes import Measured, Outcome
@@ -29,7 +29,7 @@ from rtf.testing.history.database import record_run
 from rtf.testing.verdict import Verdict
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from rtf.testing.history.database import MeasurementRow
 
@@ -197,6 +197,16 @@ class CampaignStore(History):
             ).fetchall()
         return [(from_json(task), State(state), detail) for task, state, detail in rows]
 
+    def latest(self, count: int) -> list[Outcome]:
+        """Return so many outcomes of tasks that are done, the newest first, without measurements."""
+        with self._telling():
+            rows = self._connection.execute(
+                "SELECT t.task, s.test, s.verdict, s.attempts, s.duration, s.processor, s.named FROM tasks t "
+                "JOIN tests s ON s.run = t.run ORDER BY t.run DESC, s.test LIMIT ?",
+                (count,),
+            ).fetchall()
+        return [_outcome_of(from_json(text), test, row, {}) for text, test, *row in rows]
+
     def found(self) -> dict[str, bool | None]:
         """Return, for each task that is over, whether its test failed; None where it says nothing of the robot."""
         with self._telling():
@@ -227,6 +237,15 @@ class CampaignStore(History):
             raise CampaignError(f"{self.path}: there is no result of a task {key}")
         return zlib.decompress(row[0])
 
+    def journals(self) -> Iterator[tuple[Task, bytes]]:
+        """Yield the tasks that are over with their journals; those of tasks that killed their workers are empty."""
+        with self._telling():
+            for text, packed in self._connection.execute(
+                "SELECT t.task, j.journal FROM tasks t LEFT JOIN journals j ON j.task = t.id "
+                "WHERE t.state IN ('done', 'killed') ORDER BY t.id"
+            ):
+                yield from_json(text), zlib.decompress(packed) if packed else b""
+
     def outcomes(self) -> Iterator[Outcome]:
         """Yield the outcome of each test of each task that is over, in the order in which the tasks were planned.
 
@@ -247,16 +266,21 @@ class CampaignStore(History):
                 if run != seen:
                     seen, by_test = run, _measured(self.measurements(run))
                 if test is not None:
-                    name = test if task.suite else test.removeprefix(f"{SUITE}/")
-                    verdict, attempts, seconds, processor, named = values
-                    row = (Verdict(verdict), attempts, seconds or 0.0, processor or 0.0, named)
-                    yield _outcome(task, name, row, by_test.get(test, {}))
+                    yield _outcome_of(task, test, values, by_test.get(test, {}))
 
 
 def outcomes_of(path: Path) -> Iterator[Outcome]:
     """Yield the outcomes of a campaign, by the path of its file. Raises HistoryError."""
     with CampaignStore(path) as store:
         yield from store.outcomes()
+
+
+def _outcome_of(task: Task, test: str, row: Sequence[Any], measurements: Mapping[str, Measured]) -> Outcome:
+    """Return the outcome of a row of tests: verdict, attempts, duration, processor, named."""
+    name = test if task.suite else test.removeprefix(f"{SUITE}/")
+    verdict, attempts, seconds, processor, named = row
+    values = (Verdict(verdict), attempts, seconds or 0.0, processor or 0.0, named)
+    return _outcome(task, name, values, measurements)
 
 
 def _outcome(

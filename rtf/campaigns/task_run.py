@@ -195,14 +195,12 @@ class TaskRun:
         )
         if self._stopped:
             self.stop()
-        try:
-            return process.wait(self._job.timeout + _FIXTURES + _LATE)
-        except subprocess.TimeoutExpired:
+        # Not Popen.wait() with a limit, which looks every 50 ms.
+        if not processes.ends_within(process.pid, self._job.timeout + _FIXTURES + _LATE):
             self.stop()
-            with suppress(subprocess.TimeoutExpired):
-                return process.wait(_STOP)
-            process.kill()
-            return process.wait()
+            if not processes.ends_within(process.pid, _STOP):
+                process.kill()
+        return process.wait()
 
     def _environment(self, folder: Path) -> dict[str, str]:
         environment = {**os.environ}
@@ -304,6 +302,7 @@ def _simulated(job: Job, model: str) -> list[str]:
     task, place = job.task, f"/campaign-{job.key}"
     cameras = "auto" if task.cameras else "no"
     rows = {"model": model, "seed": task.seed, "unit": task.unit, "cameras": cameras, "clock": f"{place}/clock"}
+    rows |= dict(task.simulator)
     return [
         f"<environment>--robotmodel {quoteattr(model)}</environment>",
         f'<fixture name="names" param="--namespace {place}">yarpserver</fixture>',

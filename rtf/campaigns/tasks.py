@@ -11,6 +11,8 @@ import hashlib
 import msgspec
 from msgspec import Struct
 
+from rtf.bottle import Bottle
+
 #: Bytes of a digest: a million tasks have two equal ones with a probability of 1e-12.
 _KEY_BYTES = 10
 
@@ -43,7 +45,7 @@ class Task(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """One run. ``test`` or ``suite`` is given; ``model`` is the simulated robot, if there is one.
 
     ``parameters`` are those of the test, ``define`` the variables of the suite, ``overrides`` parameters of all tests.
-    ``cameras``: the simulated robot needs its cameras.
+    ``cameras``: the simulated robot needs its cameras; ``simulator`` are other parameters of the fixture that it is.
     """
 
     test: str = ""
@@ -57,6 +59,7 @@ class Task(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     fault: FaultValues | None = None
     overrides: tuple[tuple[str, str], ...] = ()
     cameras: bool = False
+    simulator: tuple[tuple[str, str], ...] = ()
 
     @property
     def key(self) -> str:
@@ -86,3 +89,10 @@ def to_json(task: Task) -> bytes:
 def from_json(text: bytes | str) -> Task:
     """Return the task of :func:`to_json`. Raises msgspec.ValidationError."""
     return msgspec.json.decode(text, type=Task)
+
+
+def text_of(value: object) -> str:
+    """Return the value of a parameter as text, as a suite has it."""
+    if isinstance(value, list):
+        return f"({Bottle(value).to_text()})"
+    return str(value).lower() if isinstance(value, bool) else str(value)

@@ -6,7 +6,8 @@ import select
 import shutil
 import signal
 import sys
-from contextlib import contextmanager
+import threading
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
@@ -18,7 +19,7 @@ from rtf.campaigns.backends.backend import BackendLostError
 from rtf.campaigns.errors import CampaignError
 from rtf.campaigns.store import AGAIN, CampaignStore, State
 from rtf.cli.command_tree import RTF
-from rtf.cli.parser import count, make_parser
+from rtf.cli.parser import add_place_options, count, make_parser
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from rtf.campaigns.campaign import Campaign
     from rtf.campaigns.conductor import Conductor, Progress
     from rtf.campaigns.designs import Design
+    from rtf.campaigns.live_page import LivePage
     from rtf.cli.parser import Parser
 
 #: What an average run takes if the campaign's file has none yet: of a simulated robot, of a test without a robot (s),
@@ -151,6 +153,9 @@ def run(words: Sequence[str]) -> ExitCode:
         action="store_true",
         help="also with a scheduler on the network whose connections are not encrypted",
     )
+    parser.add_argument("-w", "--web", action="store_true", help="serve a page that shows it while it runs")
+    add_place_options(parser)
+    parser.add_argument("--web-keep", action="store_true", help="keep serving the page after the end, until Ctrl-C")
     options = parser.parse_args(words)
     from rtf.campaigns.campaign import load_campaign
     from rtf.campaigns.conductor import Conductor
@@ -163,12 +168,15 @@ def run(words: Sequence[str]) -> ExitCode:
         if not store.counts():
             _check_tasks(campaign, design)
         store.begin(again=options.again)
-        with _Backends(campaign, options) as backends:
-            assert backends.current is not None
-            conductor = Conductor(campaign, design, store, backends.current, backends.again)
-            with _signals(conductor), _View(conductor) if sys.stdout.isatty() else _Lines() as display:
-                conductor.run(display.show)
-        return _print_end(store, path, interrupted=conductor.stopping)
+        with _page(options, path, campaign.file.name) as page:
+            with _Backends(campaign, options) as backends:
+                assert backends.current is not None
+                conductor = Conductor(campaign, design, store, backends.current, backends.again)
+                with _signals(conductor), _View(conductor) if sys.stdout.isatty() else _Lines() as display:
+                    conductor.run(page.beside(display.show, conductor.stop) if page else display.show)
+            if page:
+                page.end()
+            return _print_end(store, path, interrupted=conductor.stopping)
 
 
 def _open_backend(campaign: Campaign, options: argparse.Namespace) -> Backend:
@@ -236,6 +244,26 @@ def _signals(conductor: Conductor) -> Iterator[None]:
             signal.signal(number, handler)
 
 
+@contextmanager
+def _page(options: argparse.Namespace, path: Path, name: str) -> Iterator[LivePage | None]:
+    """Serve the page while the block runs, if it is wanted; with ``--web-keep`` until Ctrl-C after that."""
+    if not options.web:
+        yield None
+        return
+    try:
+        from rtf.campaigns.live_page import LivePage, serve_campaign
+    except ImportError as error:
+        raise CampaignError(f"the web page needs {error.name}: pip install {error.name}") from None
+    page = LivePage(path, name)
+    with serve_campaign(page, options.web_host, options.web_port) as address:
+        print(f"web page: {address}", file=sys.stderr, flush=True)
+        yield page
+        if options.web_keep:
+            print("the page is served until Ctrl-C", file=sys.stderr, flush=True)
+            with suppress(KeyboardInterrupt):
+                threading.Event().wait()
+
+
 class _Lines:
     """Prints a line of progress now and then."""
 
@@ -297,7 +325,8 @@ class _View:
 
 def _summary(progress: Progress) -> str:
     remaining = f", about {_duration(progress.remaining)} left" if progress.remaining is not None else ""
-    return f"{_counted(progress.counts)}{remaining}; {progress.workers}"
+    dashboard = f", {progress.dashboard}" if progress.dashboard else ""
+    return f"{_counted(progress.counts)}{remaining}; {progress.workers}{dashboard}"
 
 
 def _counted(counts: Mapping[State, int]) -> str:

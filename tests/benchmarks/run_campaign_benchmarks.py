@@ -6,11 +6,16 @@ Runs of a trivial test are made by hand, one runner after the other, and by a ca
 overhead is the median of the differences. What the client itself uses of the processor does not depend on what else the
 machine does. Memory is that of a client which takes in so many results; these are copies of the result of one real run,
 because ten thousand real ones take an hour and change nothing for the client.
+
+``--scaling 1,8,64,256 --sleep 4`` runs a campaign on a simulated cluster instead: of so many workers, whose runs sleep.
+The efficiency is the share of the workers' time in which they sleep. With few workers fewer tasks are run, or it would
+take hours.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import re
 import resource
 import statistics
@@ -42,6 +47,8 @@ if TYPE_CHECKING:
 
 #: What is wanted: seconds a task, the share of two runners' throughput, and bytes.
 LOCAL, CLUSTER, THROUGHPUT, MEMORY = 0.030, 0.060, 0.9, 300 << 20
+#: Runs for each worker of a simulated cluster, if these are not more than are asked for.
+_WAVES = 25
 _SUITE = '<suite name="campaign"><test name="trivial" timeout="60">trivial.py</test></suite>'
 
 
@@ -87,7 +94,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--runs", type=int, default=4, help="runs of each side of a comparison")
     parser.add_argument("--results", type=int, default=200, help="results that the client takes in")
     parser.add_argument("--memory", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument("--scaling", metavar="N,...", help="only measure clusters of so many workers")
+    parser.add_argument("--sleep", type=float, default=4.0, help="seconds of a run there")
+    parser.add_argument("--tasks", type=int, default=2000, help="runs there, at most")
     options = parser.parse_args(arguments)
+    if options.scaling:
+        for workers in map(int, options.scaling.split(",")):
+            measure_scaling(workers, min(options.tasks, _WAVES * workers), options.sleep)
+        return 0
     if options.memory:
         print(take_in(options.memory, options.results))
         return 0
@@ -208,14 +222,19 @@ class Copies(Backend):
         pass
 
 
-def take_in(folder: Path, results: int) -> str:
-    """Take in so many results, and return the figures of this process."""
+def one_result(folder: Path) -> tuple[TaskResult, str]:
+    """Return the result of a real run, and the key of its task."""
     file = folder / "campaign.toml"
-    file.write_text(f'schema = 1\nname = "bench"\nseeds = {results}\n[[tests]]\nname = "trivial.py"\n')
+    file.write_text('schema = 1\nname = "bench"\nseeds = 1\n[[tests]]\nname = "trivial.py"\n')
     campaign = load_campaign(file)
     task = next(iter(make_design(campaign).tasks({})))
-    result = decode_result(run_task(encode_job(Job(task.key, task, campaign.files, 60.0))))
-    taken = run_campaign(folder, Copies(zlib.decompress(result.journal), task.key), results)
+    return decode_result(run_task(encode_job(Job(task.key, task, campaign.files, 60.0)))), task.key
+
+
+def take_in(folder: Path, results: int) -> str:
+    """Take in so many results, and return the figures of this process."""
+    result, key = one_result(folder)
+    taken = run_campaign(folder, Copies(zlib.decompress(result.journal), key), results)
     # Not that of getrusage: it begins with what the process had that has started this one.
     (peak,) = re.findall(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text(encoding="ascii"))
     return (
@@ -228,6 +247,32 @@ def measure_memory(folder: Path, results: int) -> None:
     """Print the memory of a client in a process of its own."""
     words = [sys.executable, __file__, "--memory", str(folder), "--results", str(results)]
     print(subprocess.run(words, check=True, stdout=subprocess.PIPE, text=True).stdout.strip())
+
+
+# Scaling -------------------------------------------------------------------------------------------------------------
+
+
+def measure_scaling(workers: int, tasks: int, seconds: float) -> None:
+    """Print how well a cluster of so many workers is used, whose runs sleep for so long."""
+    from simulated_cluster import SleepingBackend, simulated_cluster
+
+    with tempfile.TemporaryDirectory() as place, simulated_cluster(workers) as cluster:
+        folder = Path(place)
+        (folder / "trivial.py").write_text(TRIVIAL)
+        backend = SleepingBackend(cluster.address, *one_result(folder), seconds)
+        before = cluster.processor()
+        try:
+            taken = run_campaign(folder, backend, tasks)
+        finally:
+            backend.close()
+        scheduler, others = (after - first for after, first in zip(cluster.processor(), before, strict=True))
+    least = math.ceil(tasks / workers) * seconds  # the last wave may be a part of one
+    print(
+        f"{workers} workers, {tasks} runs of {seconds:g} s: {taken.clock:.1f} s, efficiency "
+        f"{tasks * seconds / workers / taken.clock:.3f} (of {tasks * seconds / workers / least:.3f}); a run costs "
+        f"{1e3 * taken.processor / tasks:.1f} ms of the processor in the client, {1e3 * scheduler / tasks:.1f} ms in "
+        f"the scheduler, {1e3 * others / tasks:.1f} ms in the workers"
+    )
 
 
 if __name__ == "__main__":

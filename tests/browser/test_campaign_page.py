@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,8 +11,14 @@ import pytest
 from playwright.sync_api import expect
 
 from rtf.campaigns import Measured
+from rtf.campaigns.backends.local import LocalBackend
+from rtf.campaigns.campaign import load_campaign
+from rtf.campaigns.conductor import Conductor
+from rtf.campaigns.designs import make_design
+from rtf.campaigns.live_page import LivePage, serve_campaign
 from rtf.campaigns.report.files import write_page
 from rtf.campaigns.report.summary import make_report
+from rtf.campaigns.store import CampaignStore
 from rtf.testing.verdict import Verdict
 from simulated_truth import Truth, faulty, measured, outcome
 
@@ -101,3 +109,65 @@ def test_tables_are_sorted_by_their_heads(campaign_page: str, visit: Any):
     expect(table.get_by_role("row").nth(1)).to_contain_text("2.00 s")
     table.get_by_role("button", name="Mean time").click()
     expect(table.get_by_role("row").nth(1)).to_contain_text("img src=x")
+
+
+WAITING = """
+from pathlib import Path
+
+from rtf import clock
+from rtf.testing import Parameter, TestCase
+
+
+class Waiting(TestCase):
+    gate = Parameter(str, "it waits for this file, if there is to be one", default="-")
+
+    def run(self):
+        while self.gate != "-" and not Path(self.gate).exists():
+            clock.sleep(0.02)
+        with self.subresult(SUBJECT):
+            self.check(self.gate == "-", "it holds")
+"""
+
+
+def test_it_is_live_while_a_campaign_runs(
+    tmp_path: Path, visit: Any, barriers: Callable[[Page], list[str]], shoot: Callable[..., None]
+):
+    """What runs, the latest results and the report appear by themselves; the printed address stops the campaign."""
+    gate = tmp_path / "<b>gate"
+    (tmp_path / "waiting.py").write_text(WAITING.replace("SUBJECT", repr(HOSTILE)))
+    file = tmp_path / "live.toml"
+    file.write_text(
+        f'schema = 1\nname = "live"\nseeds = 2\n[[tests]]\nname = "waiting.py"\n'
+        f'[[overrides]]\nparameter = "gate"\nvalues = ["-", "{gate}"]\n'
+    )
+    campaign, state = load_campaign(file), tmp_path / "live.sqlite"
+    live = LivePage(state, "live")
+    with (
+        CampaignStore(state, create=True) as store,
+        closing(LocalBackend(1)) as backend,
+        serve_campaign(live, "127.0.0.1", 0) as address,
+    ):
+        conductor = Conductor(campaign, make_design(campaign), store, backend)
+        running = threading.Thread(target=conductor.run, args=[live.beside(lambda _: None, conductor.stop)])
+        running.start()
+        try:
+            page = visit(address)
+            watching = page.context.new_page()
+            watching.goto(address.partition("#")[0])
+            expect(page.get_by_role("listitem").filter(has_text="waiting.py gate=")).to_contain_text("<b>gate")
+            expect(page.get_by_role("table", name="latest results").get_by_role("row")).to_have_count(2)
+            expect(page.get_by_role("heading", name="False alarms and flakiness")).to_be_visible()
+            shoot(page, "campaign-live")
+            assert barriers(page) == []
+            page.get_by_role("button", name="Begin no further run").click()
+            expect(page.get_by_role("button", name="Drop running ones")).to_be_visible()
+            expect(watching.get_by_role("heading", name="Now stopping")).to_be_visible()
+            expect(watching.get_by_role("button", name="Drop running ones")).to_have_count(0)
+        finally:
+            gate.touch()
+            conductor.stop()
+            running.join()
+        live.end()
+        expect(page.get_by_role("heading", name="Now over")).to_be_visible()
+        expect(page.get_by_role("table", name="latest results")).to_contain_text("<img src=x onerror=alert(1)>\\u202e")
+        expect(page.locator("img, b")).to_have_count(0)

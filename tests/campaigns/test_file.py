@@ -23,7 +23,13 @@ FAULT = '[[faults]]\nkind = "friction"\ntargets = ["l_elbow"]\n'
 @pytest.mark.parametrize(
     ("text", "line", "message"),
     [
-        ("", 1, "missing required field `tests`"),
+        ("", 1, "tests: a campaign needs one at least"),
+        (
+            TEST + '[design]\nkind = "claims"\n[[overrides]]\nparameter = "a"\nvalues = [1]\n',
+            7,
+            "the claims of the tests say",
+        ),
+        (TEST + 'parameters = { does = "pass" }\n[design]\nkind = "claims"\n', 3, "has a name and nothing else"),
         ("seeds = 0\n" + TEST, 3, "seeds: expected `int` >= 1"),
         ("sedes = 1\n" + TEST, 3, "there is no key 'sedes'"),
         ('[[tests]]\nname = "x"\nsuite = "y"\n', 3, "write the name of a test, or a suite"),

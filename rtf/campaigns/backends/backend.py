@@ -31,6 +31,11 @@ class Backend(ABC):
     def described(self) -> str:
         """Its workers, for people."""
 
+    @property
+    def dashboard(self) -> str:
+        """The address of its own page; empty without one."""
+        return ""
+
     @abstractmethod
     def submit(self, job: bytes, robot: str) -> Future[bytes]:
         """Have a job of :mod:`rtf.campaigns.task_run` done; ``robot`` is the name of its real robot, if it has one."""

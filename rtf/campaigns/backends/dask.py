@@ -26,8 +26,14 @@ if TYPE_CHECKING:
 
     from rtf.campaigns.file import BackendTable
 
-#: Of a cluster of our own: a death of a worker is told at once, and a worker gets no task before it is free.
-_CONFIGURATION = {"distributed.scheduler.allowed-failures": 0, "distributed.scheduler.worker-saturation": 1.0}
+#: Of a cluster of our own: a death of a worker is told at once, and a worker gets no task before it is free. What Dask
+#: measures of its own threads a hundred times a second says nothing of runs, which are processes.
+_CONFIGURATION = {
+    "distributed.scheduler.allowed-failures": 0,
+    "distributed.scheduler.worker-saturation": 1.0,
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "500ms",
+}
 _CONNECT = 10.0  # seconds for the connection to a scheduler
 _ASK = 1.0  # seconds between two questions for the number of workers
 _LEAST = 4  # tasks that are offered to a cluster without workers, so that it starts some
@@ -57,6 +63,7 @@ class DaskBackend(Backend):
                 self._cluster.close()
                 raise
         self._client = self._connect()
+        self._dashboard = self._find_dashboard()
         self._executors: dict[str, Executor] = {}
         self._threads = 0
         self._asked = clock.Deadline.after(0.0)
@@ -118,7 +125,18 @@ class DaskBackend(Backend):
     @property
     def described(self) -> str:
         threads = self._known_threads()
-        return f"{threads} worker{'s' if threads != 1 else ''} of Dask, {self._client.dashboard_link}"
+        return f"{threads} worker{'s' if threads != 1 else ''} of Dask"
+
+    @property
+    def dashboard(self) -> str:
+        return self._dashboard
+
+    def _find_dashboard(self) -> str:
+        """Return the address of the scheduler's page; empty without one."""
+        try:
+            return web_address(str(self._client.dashboard_link))
+        except (KeyError, OSError, ValueError, self._distributed.TimeoutError):
+            return ""
 
     def submit(self, job: bytes, robot: str) -> Future[bytes]:
         if robot not in self._executors:
@@ -145,6 +163,11 @@ class DaskBackend(Backend):
         self._client.close()
         if self._cluster is not None:
             self._cluster.close()
+
+
+def web_address(link: str) -> str:
+    """Return an address that a scheduler has chosen, if a page may link to it; empty otherwise."""
+    return link if link.startswith(("http://", "https://")) else ""
 
 
 def check_address(address: str, *, insecure: bool) -> None:

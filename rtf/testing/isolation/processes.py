@@ -81,14 +81,21 @@ def keep(child: int) -> None:
             return
 
 
-def await_exit(pid: int, timeout: float | None) -> bool:
-    """Wait for a child of this process to end, and reap it. False when it does not within ``timeout`` seconds."""
+def ends_within(pid: int, timeout: float | None) -> bool:
+    """Wait for a child of this process to end. False when it does not within ``timeout`` seconds. It is not reaped."""
     pidfd = os.pidfd_open(pid)
     try:
-        if not select.select([pidfd], [], [], timeout)[0]:
-            return False
+        poll = select.poll()  # not select(), which fails where many files are open
+        poll.register(pidfd, select.POLLIN)
+        return bool(poll.poll(None if timeout is None else timeout * 1000))
     finally:
         os.close(pidfd)
+
+
+def await_exit(pid: int, timeout: float | None) -> bool:
+    """Wait for a child of this process to end, and reap it. False when it does not within ``timeout`` seconds."""
+    if not ends_within(pid, timeout):
+        return False
     os.waitpid(pid, 0)
     return True
 
