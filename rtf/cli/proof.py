@@ -24,12 +24,15 @@ rtf proof --test JointLimits       one test
 rtf proof --others                 also without a claim: every test on every fault, about an hour
 rtf proof --limits                 also smaller faults than claimed: from which size on each is found
 rtf proof --resume                 go on with a proof that was interrupted
+rtf proof --campaign proof.sqlite  judge the runs of suites/campaigns/proof.toml, which a cluster may have made
 rtf proof --output docs/proof.md   write the matrix there"""
 
 
 def proof(words: Sequence[str]) -> ExitCode:
     """Run the command; returns 0 when every claim holds, 1 otherwise."""
     options = _parse(words)
+    if options.campaign:
+        return _judge_campaign(options)
     from rtf.robot_testing.proof import write_matrix
 
     cases = _cases(options)
@@ -83,17 +86,34 @@ def _parse(words: Sequence[str]) -> argparse.Namespace:
         action="store_true",
         help="go on with the proof in the folder, with the cases that it was begun with",
     )
+    parser.add_argument("--campaign", metavar="FILE", type=Path, help="run nothing: judge the results of a campaign")
     return parser.parse_args(words)
 
 
+def _judge_campaign(options: argparse.Namespace) -> ExitCode:
+    from rtf.campaigns.claims import judged
+    from rtf.campaigns.store import CampaignStore
+    from rtf.robot_testing.proof import write_matrix
+
+    with CampaignStore(options.campaign) as store:
+        cases = [*judged(store)]
+    target = Path(options.output) if options.output else options.campaign.with_suffix(".md")
+    target.write_text(write_matrix(cases), encoding="utf-8")
+    return _tell(cases, target)
+
+
 def _cases(options: argparse.Namespace) -> list[Case]:
-    cases = _claimed(options.test, fast=options.fast, others=options.others, limits=options.limits)
+    from rtf.robot_testing.proof import shipped_cases
+
+    cases = shipped_cases(options.test, fast=options.fast, others=options.others, limits=options.limits)
     return [case for case in cases if not options.fault or case.fault in options.fault]
 
 
 def _unknown(tests: Sequence[str]) -> str:
     """Return which of these tests claims nothing; empty when all of them claim something."""
-    known = sorted({case.test for case in _claimed(fast=False, others=False)}) if tests else []
+    from rtf.robot_testing.proof import shipped_cases
+
+    known = sorted({case.test for case in shipped_cases()}) if tests else []
     for test in tests:
         if test not in known:
             return f"there is no claim of a test {test!r}{did_you_mean(test, known)}"
@@ -105,23 +125,6 @@ def _nothing(options: argparse.Namespace) -> str:
     of = f" of {' or '.join(options.test)}" if options.test else ""
     faults = f" with {' or '.join(options.fault)}" if options.fault else ""
     return f"there is no case{of}{faults}{' in the fast subset' if options.fast else ''}"
-
-
-def _claimed(tests: Sequence[str] = (), *, fast: bool, others: bool, limits: bool = False) -> list[Case]:
-    """Return the cases of these tests; of all of them, if none is named."""
-    from rtf.robot_testing.proof import cases_of, limits_of, others_of, read_claims, read_reasons
-    from rtf.testing.plugins import shipped_folder
-
-    folder = shipped_folder("test") / "claims"
-    reasons = read_reasons(folder / "others" / "reasons.toml") if others else ()
-    cases: list[Case] = []
-    for file in sorted(folder.glob("*.toml")):
-        claims = read_claims(file)
-        if not tests or claims.test in tests:
-            cases += cases_of(claims, fast=fast)
-            cases += others_of(claims, reasons) if others else ()
-            cases += limits_of(claims) if limits else ()
-    return cases
 
 
 def _run(cases: Sequence[Case], folder: Path, jobs: int) -> tuple[ExitCode, dict[str, Case]]:
@@ -144,9 +147,9 @@ def _run(cases: Sequence[Case], folder: Path, jobs: int) -> tuple[ExitCode, dict
 def _resume(folder: Path) -> tuple[ExitCode, dict[str, Case]]:
     """Continue the run in the folder, as it was begun: its suites say which cases it consists of."""
     from rtf.cli import testrunner
-    from rtf.robot_testing.proof import read_suites
+    from rtf.robot_testing.proof import read_suites, shipped_cases
 
-    by_test = read_suites(folder, _claimed(fast=False, others=True, limits=True))
+    by_test = read_suites(folder, shipped_cases(others=True, limits=True))
     return ExitCode(testrunner.main(["--resume", str(folder / "run")])), by_test
 
 

@@ -9,6 +9,7 @@ from rtf.robot_testing.proof.cases import Case, Expectation, cases_of, limits_of
 from rtf.robot_testing.proof.claims import Claims, ClaimsError, Reason, read_claims, read_reasons
 from rtf.robot_testing.proof.judging import JudgedCase, Judgement, judge
 from rtf.robot_testing.proof.matrix import write_matrix
+from rtf.robot_testing.proof.shipped import shipped_cases
 from rtf.robot_testing.proof.suites import read_suites, write_suites
 
 __all__ = [
@@ -26,6 +27,7 @@ __all__ = [
     "read_claims",
     "read_reasons",
     "read_suites",
+    "shipped_cases",
     "write_matrix",
     "write_suites",
 ]
