@@ -239,10 +239,10 @@ class CanBoards(CanTest):
         hint = f"{name} counts errors of the bus; {likely_causes('bus errors')}"
         for what, count in zip(("transmission", "reception"), traffic.errors(board), strict=True):
             self._measure(channel, board, f"errors of {what}", count, "count", self.max_errors, hint)
+        self._judge_positions(channel, board, traffic)
         if board.drives:
             self._judge_temperature(channel, board, traffic)
         else:
-            self._judge_positions(channel, board, traffic)
             self._judge_state(channel, board, traffic)
 
     def _measure(
@@ -255,14 +255,10 @@ class CanBoards(CanTest):
 
     def _judge_positions(self, channel: str, board: BoardOnBus, traffic: CanTraffic) -> None:
         """Compare the positions of the axes of a board with the ways that its speeds say."""
-        positions = traffic.messages(board, motor.BROADCAST_POSITION)
-        speeds = traffic.messages(board, motor.BROADCAST_VELOCITY)
-        if not positions or not speeds:
-            return
-        times, speed_times = (np.array([time for time, _ in rows]) for rows in (positions, speeds))
         for place, joint in enumerate(board.joints):
-            where = np.array([got.values[place] for _, got in positions], dtype=float)
-            speed = np.array([got.values[place] for _, got in speeds], dtype=float) / 2.0**_SPEED_SHIFT
+            (times, where), (speed_times, speed) = _motion(board, traffic, place)
+            if not len(times) or not len(speed_times):
+                continue
             way = np.interp(times, speed_times, _integral(speed_times, 1e3 * speed))
             self.record(
                 f"{joint} on the bus", time=(times - times[0], "s"), position=(where, "count"), by_speed=(way, "count")
@@ -286,6 +282,21 @@ class CanBoards(CanTest):
         if values and not (self.coldest <= min(values) and max(values) <= self.hottest):
             text = f"its motor has {min(values):g} to {max(values):g} degC"
             self._complain(channel, board.address, text, "sensor frozen")
+
+
+def _motion(board: BoardOnBus, traffic: CanTraffic, place: int) -> tuple[FloatArray, FloatArray]:
+    """Return times with the positions of an axis, in ticks, and times with its speeds, in ticks a millisecond."""
+    if board.drives:
+        rows = [(time, *got.values[:0:-1]) for time, got in traffic.messages(board, motor.FOC_FEEDBACK)]
+        times, where, speed = np.array(rows, dtype=float).reshape(-1, 3).T
+        return np.array([times, where]), np.array([times, speed])
+    where, speed = (
+        np.array([(time, got.values[place]) for time, got in traffic.messages(board, message)], dtype=float)
+        .reshape(-1, 2).T
+        for message in (motor.BROADCAST_POSITION, motor.BROADCAST_VELOCITY)
+    )  # fmt: skip
+    speed[1] /= 2.0**_SPEED_SHIFT
+    return where, speed
 
 
 def _numbers(values: Sequence[float]) -> str:

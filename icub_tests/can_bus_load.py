@@ -101,7 +101,7 @@ class CanBusLoad(CanTest):
 
     def _judge_regularity(self, name: str, traffic: CanTraffic, boards: list[BoardOnBus]) -> None:
         found = [
-            (traffic.repetition(number, board.cycle), len(traffic.of(number).times))
+            (traffic.repetition(number, traffic.cycle_of(board)), len(traffic.of(number).times))
             for board in boards
             for number in traffic.expected(board)
         ]

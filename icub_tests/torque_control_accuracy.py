@@ -12,6 +12,7 @@ from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.coupled_step_test import CoupledStepTest
 from rtf.robot_testing.judging.checked_values import CheckedValue
 from rtf.robot_testing.judging.step_response import largest
+from rtf.robot_testing.robot_name import robot_model
 from rtf.robot_testing.torque_control import greatest_torque, holding_torques, torque_joints
 from rtf.testing import Parameter
 
@@ -135,6 +136,13 @@ class TorqueControlAccuracy(CoupledStepTest):
 
     def measured(self, trace: Trace, joint: int) -> FloatArray:
         return trace.torques[:, joint]
+
+    def sensor_noise(self, joint: int) -> float:
+        """See StepTest: torque sensors have noise, as a share of the greatest torque of their joint."""
+        robot, name = robot_model(self), self.robot_part.names[joint]
+        return (
+            robot.sensors.joint_torques.noise * robot.axes[robot.index[name]].max_torque if name in robot.index else 0.0
+        )
 
     def values(self, joint: int, cycles: list[Cycle]) -> list[CheckedValue]:
         """See StepTest: add the error before the step."""

@@ -19,7 +19,15 @@ from rtf.robot_testing.guard.simulated import is_simulated
 from rtf.robot_testing.judging.checked_values import CheckedValue, judge_values
 from rtf.robot_testing.judging.failure_causes import likely_causes
 from rtf.robot_testing.judging.real_time_checks import loop_delay, state_delay
-from rtf.robot_testing.judging.step_response import EXPLAINED, FEWEST, largest, noise_before, spread_of, step_response
+from rtf.robot_testing.judging.step_response import (
+    EXPLAINED,
+    FEWEST,
+    largest,
+    noise_before,
+    spread_of,
+    step_response,
+    with_noise,
+)
 from rtf.robot_testing.motion.known_motors import disturbance
 from rtf.robot_testing.motion.routines import pause, run_queues
 from rtf.robot_testing.motion.start_position import bringing, holding, starting_point
@@ -360,7 +368,8 @@ class StepTest(RobotTest):
         band, off = min(self.band, near), min(self.steady_error, near) + noise
         answers = [step_response(one.time, one.measured, one.start, one.target, band, noise) for one in cycles]
         late, wrong, symbol = self.late_finding, self.wrong_finding, self.symbol
-        errors = [abs(one.steady_error) for one in answers]
+        errors, sensor = [abs(one.steady_error) for one in answers], self.sensor_noise(joint)
+        ripple = with_noise(self.ripple, sensor, min(one.steady_points for one in answers))
         values = [
             CheckedValue("delay", largest([one.delay for one in answers]), "s", self.delay, late),
             CheckedValue("rise time", largest([one.rise_time for one in answers]), "s", self.most_rise(joint), wrong),
@@ -369,14 +378,20 @@ class StepTest(RobotTest):
                 "settling time", largest([one.settling_time for one in answers]), "s", self.settling_time, wrong
             ),
             CheckedValue("steady error", largest(errors), symbol, off, wrong),
-            CheckedValue("ripple", largest([one.ripple for one in answers]), symbol, self.ripple, "noise"),
+            CheckedValue("ripple", largest([one.ripple for one in answers]), symbol, ripple, "noise"),
         ]
         if spreads := _spreads(cycles):
-            values.append(CheckedValue("repeatability", largest(spreads), symbol, self.most_spread(joint), "irregular"))
+            most = with_noise(self.most_spread(joint), sensor, min(len(one.time) for one in cycles))
+            values.append(CheckedValue("repeatability", largest(spreads), symbol, most, "irregular"))
         widths = [one.bandwidth for one in answers]
         if all(map(math.isfinite, widths)):
             values.append(CheckedValue("bandwidth", min(widths), "Hz"))
         return values
+
+    def sensor_noise(self, joint: int) -> float:
+        """Return the noise (standard deviation) that the robot's description gives to what is measured; 0 for none."""
+        del joint
+        return 0.0
 
     def most_rise(self, joint: int) -> float:
         """Return the greatest rise time of a joint (s)."""

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rtf.robot.model import default_robot
 from rtf.robot_testing import step_test
 from rtf.robot_testing.robot_test import RobotTest
 from rtf.robot_testing.step_test import Cycle, StepTest
@@ -141,6 +142,16 @@ def test_noise_within_the_allowed_ripple_passes(judging, deviation):
     assert not judging.failed
 
 
+def test_the_noise_that_a_sensor_has_by_the_robots_description_is_no_ripple(judging):
+    """The limits are those of the answer: variances of the sensor come on top, and no more than these."""
+    judging.ripple = judging.repeatability = 0.05
+    judging.sensor_noise = lambda _joint: 0.05
+    judging.judge(0, [noisy(cycle(0.0), 0.05, seed) for seed in range(3)])
+    assert not judging.failed
+    judging.judge(0, [noisy(cycle(0.0), 0.15, seed) for seed in range(3)])
+    assert judging.failed
+
+
 @pytest.mark.parametrize("deviation", [0.0, 0.05, 0.1])
 def test_a_missing_response_is_found_in_noise(judging, deviation):
     """Noise is no response."""
@@ -220,7 +231,18 @@ def test_steps_of_one_direction_are_compared_with_each_other(judging):
 def test_before_a_torque_step_the_tolerance_of_the_torque_constant_is_allowed(held, most):
     """A tenth of the torque that holds the joint, or the parameter if that is more."""
     test = kept_test("TorqueControlAccuracy")
+    test.robot_part = SimpleNamespace(names=["a joint that no model has"])
     step = cycle(0.0)
     step = step._replace(measured=held + 0.3 + 0.5 * step.measured, start=held, target=held + 0.5)
     error = test.values(0, [step])[0]
     assert (error.name, error.value, error.high) == ("error before the step", pytest.approx(0.3), pytest.approx(most))
+
+
+def test_torque_sensors_have_the_noise_of_the_model():
+    """A share of the greatest torque of the joint; none of a joint that the model does not have."""
+    test = kept_test("TorqueControlAccuracy")
+    test.robot_part = SimpleNamespace(names=["torso_roll", "a joint that no model has"])
+    robot = default_robot()
+    most = robot.axes[robot.index["torso_roll"]].max_torque
+    assert test.sensor_noise(0) == pytest.approx(0.001 * most)
+    assert test.sensor_noise(1) == 0.0

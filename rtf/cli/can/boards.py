@@ -90,8 +90,9 @@ def set_parameter(words: Sequence[str]) -> int:
         exchange = Exchange(bus, _PATIENCE)
         dialect = _dialect(exchange, options.board, known)
         bus.send(known.set.frame(options.board, *values, axis=options.axis))
-        got = exchange.ask(known, options.board, axis=options.axis, dialect=dialect)
-    say(described(Decoded(known.value, options.board, 0, options.axis, got)))
+        board = int(values[0]) if known is motor_messages.BOARD_ID else options.board  # where it answers now
+        got = exchange.ask(known, board, axis=options.axis, dialect=dialect)
+    say(described(Decoded(known.value, board, 0, options.axis, got)))
     if tuple(got) == tuple(values):
         return ExitCode.PASSED
     say(f"board {options.board} has not taken it")

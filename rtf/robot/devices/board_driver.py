@@ -72,6 +72,10 @@ class DrivenBoard(BoardAxes):
     def end_calibration(self, axis: int) -> None:
         """End the calibration of an axis before its time is over, as its hardware has finished it."""
 
+    @abstractmethod
+    def restart(self) -> None:
+        """Start again with the configuration, as the hardware was reset on purpose: nothing of before is left."""
+
 
 class BoardDriver(DeviceProvider):
     """A driver of a board. As a device type, it is a control board over the driver.

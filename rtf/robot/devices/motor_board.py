@@ -75,6 +75,7 @@ class MotorBoard(DrivenBoard):
 
     def start(self, axes: Sequence[BoardAxis]) -> None:
         """Initialize the axes and read the hardware: they are held where they are, in position mode, calibrated."""
+        self._axes = axes
         self.set_up(axes, self.driver.couplings)
         valid = {*self.driver.measures, *_MODES}
         valid |= {motors for joints, motors in zip(_JOINTS, _MOTORS, strict=True) if joints in valid}
@@ -89,6 +90,9 @@ class MotorBoard(DrivenBoard):
             self.driver.configure(axis)
         self._take(self.driver.time())
         self._hold(np.arange(self.count), self.measured(Field.JOINT_POSITIONS))
+
+    def restart(self) -> None:
+        self.start(self._axes)
 
     def _empty_state(self) -> ExtendedState:
         state = ExtendedState(self.count)

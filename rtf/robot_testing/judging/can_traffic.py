@@ -12,7 +12,7 @@ import numpy as np
 
 from rtf.robot.devices.can import motor_messages as motor
 from rtf.robot.devices.can.codec import decode
-from rtf.robot.devices.can.codes import FOC_BOARDS, BoardType
+from rtf.robot.devices.can.codes import FOC_BOARDS, BoardType, FocFault
 from rtf.robot.devices.can.frame_bits import frame_bits
 from rtf.robot.devices.can.joint_link import BROADCASTS
 from rtf.robot.devices.can.messages import EVERYONE, HOST, POLLING, Dialect, MessageClass
@@ -33,6 +33,9 @@ Key = TypeVar("Key")
 CYCLE_OF_FOUR, CYCLE = 0.005, 0.004
 #: The broadcasts that are sent after changes, and so have no rate.
 _ON_CHANGE = frozenset({motor.STATUS.code, motor.ADDITIONAL_STATUS.code, motor.PRINT.code})
+_SETPOINTS = MessageClass.MOTOR_PERIODIC << 8 | HOST << 4 | EVERYONE
+#: The counts of errors beyond which a node warns, and is passive (ISO 11898-1).
+_WARNING, _PASSIVE = 96, 128
 #: Frames with one identifier that are nearer to each other than this share of the cycle cannot both be on schedule.
 _NEAR = 0.5
 
@@ -56,7 +59,7 @@ class BoardOnBus(NamedTuple):
 
     @property
     def cycle(self) -> float:
-        """The seconds of its schedule."""
+        """The seconds of its schedule, if it controls joints."""
         return CYCLE_OF_FOUR if self.board_type == BoardType.MC_4DC else CYCLE
 
     def broadcasts(self) -> list[int]:
@@ -139,10 +142,14 @@ class CanTraffic:
         A board that drives a motor answers each setpoint; others follow their schedule.
         """
         if board.drives:
-            setpoints = float(len(self.of(MessageClass.MOTOR_PERIODIC << 8 | HOST << 4 | EVERYONE).times))
-            return dict.fromkeys(board.broadcasts()[:2], setpoints)
+            return dict.fromkeys(board.broadcasts()[:2], float(len(self.of(_SETPOINTS).times)))
         regular = [one for one in board.broadcasts() if one & 0xF not in _ON_CHANGE]
         return dict.fromkeys(regular, self.seconds / board.cycle)
+
+    def cycle_of(self, board: BoardOnBus) -> float:
+        """Return the seconds between two frames of a kind of a board: of its schedule, or between two setpoints."""
+        setpoints = self.of(_SETPOINTS).times
+        return float(np.median(np.diff(setpoints))) if board.drives and len(setpoints) > 1 else board.cycle
 
     def repetition(self, identifier: int, cycle: float) -> Repetition:
         """Return how many frames with an identifier came too soon after the one before, with equal and other data."""
@@ -159,7 +166,7 @@ class CanTraffic:
         motors, sensors = {board.address: board for board in boards}, set(others)
         addresses = motors.keys() | sensors
         known = {number for board in motors.values() for number in board.broadcasts()}
-        known.add(MessageClass.MOTOR_PERIODIC << 8 | HOST << 4 | EVERYONE)
+        known.add(_SETPOINTS)
         for kind in POLLING:
             known |= {kind << 8 | one for one in (*addresses, EVERYONE)} | {kind << 8 | one << 4 for one in addresses}
         return {
@@ -179,9 +186,21 @@ class CanTraffic:
         return found
 
     def errors(self, board: BoardOnBus) -> tuple[int, int]:
-        """Return the greatest counts of errors of transmission and of reception in the statuses of a board."""
+        """Return the greatest counts of errors of transmission and of reception in the statuses of a board.
+
+        Boards that drive a motor only say which bounds of ISO 11898-1 their counts are beyond.
+        """
         counts = [(0, 0)]
-        if not board.drives:
+        if board.drives:
+            for _, got in self.messages(board, motor.FOC_STATUS):
+                said = FocFault(int(got.values[3]))
+                counts.append(
+                    (
+                        _bound(said, FocFault.TX_WARNING, FocFault.TX_PASSIVE),
+                        _bound(said, FocFault.RX_WARNING, FocFault.RX_PASSIVE),
+                    )
+                )
+        else:
             counts += [(int(got.values[6]), int(got.values[7])) for _, got in self.messages(board, motor.STATUS)]
         return max(sent for sent, _ in counts), max(got for _, got in counts)
 
@@ -194,6 +213,10 @@ class CanTraffic:
         gaps = np.diff(marks)
         place = int(gaps.argmax())
         return float(gaps[place]), float(marks[place])
+
+
+def _bound(said: FocFault, warning: FocFault, passive: FocFault) -> int:
+    return _PASSIVE if said & passive else _WARNING if said & warning else 0
 
 
 def decoded(identifier: int, data: bytes, dialect: Dialect) -> Decoded | None:

@@ -34,7 +34,8 @@ class StepResponse(NamedTuple):
     ``delay`` is the time to a tenth of the final value, ``rise_time`` that from a tenth to nine tenths: NaN if these
     are not reached, or less than half of the step is. ``overshoot`` is beyond the target, or beyond the final value if
     that is farther. ``settling_time`` is the time after which the value stays in the band; infinite if it does not.
-    ``steady_error`` is that of the mean of the last quarter, ``ripple`` the deviation from a line through it.
+    ``steady_error`` is that of the mean of the last quarter, ``ripple`` the deviation from a line through it, which has
+    so many ``steady_points``.
     """
 
     delay: float
@@ -43,6 +44,7 @@ class StepResponse(NamedTuple):
     settling_time: float
     steady_error: float
     ripple: float
+    steady_points: int
 
     @property
     def bandwidth(self) -> float:
@@ -80,6 +82,7 @@ def step_response(
         settling_time=settled,
         steady_error=final - target,
         ripple=_deviation(t[-last:], v[-last:]),
+        steady_points=last,
     )
 
 
@@ -88,6 +91,17 @@ def noise_before(time: FloatArray, values: FloatArray) -> float:
     half = int((time < 0).sum()) // 2
     before = slice(half, 2 * half)
     return _deviation(time[before], values[before]) if half >= FEWEST // 2 else 0.0
+
+
+def with_noise(deviation: float, noise: float, points: int) -> float:
+    """Return the deviation that values have with white noise, at most, where it is ``deviation`` without.
+
+    Variances add up. That of ``points`` values, which is known with an error of ``sqrt(2 / (points - 1))`` of it, has
+    five times this error on top. Raises ValueError for less than two points.
+    """
+    if points < 2:  # noqa: PLR2004 - a variance needs two
+        raise ValueError(f"{points} points have no deviation")
+    return math.sqrt(deviation**2 + noise**2 * (1.0 + EXPLAINED * math.sqrt(2.0 / (points - 1))))
 
 
 def _deviation(time: FloatArray, values: FloatArray) -> float:

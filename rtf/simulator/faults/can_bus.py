@@ -5,15 +5,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar
 
 from rtf.robot.devices.can import motor_messages as m
+from rtf.robot.devices.can.codec import decode
 from rtf.robot.devices.can.messages import Frame, MessageClass
 from rtf.robot.errors import RefusedError
 from rtf.simulator.faults.base import Fault, Layer, Parameter, Target
+from rtf.simulator.firmware.foc_board import DRIVE_HANDLERS, WATCHDOG, FocBoard
 from rtf.simulator.firmware.joint_messages import HANDLERS
 from rtf.simulator.plant import TIMESTEP
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from rtf.robot.devices.can.messages import Message
     from rtf.simulator.firmware.boards_on_buses import Firmware
     from rtf.simulator.firmware.joint_board import JointBoard
     from rtf.simulator.firmware.wire import Connection, Wire
@@ -234,10 +237,15 @@ class _CanBoardFault(Fault):
 
     layer = Layer.BUS
     target_kind = Target.CAN_BOARD
-    board: JointBoard
+    board: JointBoard | FocBoard
+
+    @property
+    def positions(self) -> Message:
+        """The message with the positions of the board."""
+        return m.FOC_FEEDBACK if isinstance(self.board, FocBoard) else m.BROADCAST_POSITION
 
     def aim(self) -> None:
-        boards = {f"{board.wire.name}:{board.address}": board for board in _firmware(self).boards}
+        boards = {f"{board.wire.name}:{board.address}": board for board in _firmware(self).motor_boards}
         if self.target not in boards:
             raise RefusedError(
                 f"{self.kind}: the robot has no board {self.target!r}; its boards are {', '.join(boards)}"
@@ -285,7 +293,8 @@ class SameAddress(_CanBoardFault):
         del now
         if self.address is not None and float(self.simulation.random.random()) < 1 / _CYCLE:  # its clock is another one
             self._sent += 1
-            self.connection.send(m.BROADCAST_POSITION.frame(self.address, self._sent, -self._sent))
+            zeros = [0] * (len(self.positions.fields) - 1)
+            self.connection.send(self.positions.frame(self.address, *zeros, self._sent))
 
 
 _CYCLE = 4  # ms between two positions of a board, about
@@ -340,25 +349,31 @@ class SettingsIgnored(_HandlerFault):
     kind = "can_settings_ignored"
     description = "A board does not take new settings: its memory is write-protected."
     symptom = "Gains and limits that are read back are those of before."
-    ignored = tuple(name for name in HANDLERS if name.startswith("set_") and "mode" not in name)
+    ignored = tuple(name for name in (*HANDLERS, *DRIVE_HANDLERS) if name.startswith("set_") and "mode" not in name)
 
 
 class WatchdogOff(_HandlerFault):
     """A board whose velocities do not end."""
 
     kind = "can_watchdog_off"
-    description = "A board has no watchdog of velocities: an old firmware."
+    description = "A board has no watchdog of velocities, or of setpoints: an old firmware."
     symptom = "When the host falls silent, a joint in velocity mode goes on."
     ignored = (m.VELOCITY_TIMEOUT.name,)
 
     def begin(self) -> None:
         super().begin()
+        if isinstance(self.board, FocBoard):
+            self.board.watchdog = float("inf")
+            return
         self._before = [own.velocity_timeout for own in self.board.parameters]
         for own in self.board.parameters:
             own.velocity_timeout = float("inf")
 
     def end(self) -> None:
         super().end()
+        if isinstance(self.board, FocBoard):
+            self.board.watchdog = WATCHDOG
+            return
         for own, before in zip(self.board.parameters, self._before, strict=True):
             own.velocity_timeout = before
 
@@ -371,7 +386,7 @@ class EncoderFrameStuck(_CanBoardFault):
     symptom = "Positions do not change while speeds and currents do."
 
     def begin(self) -> None:
-        self._sent: Frame | None = None
+        self._sent: tuple[float | bytes, ...] = ()
         self.board.wire.filters.append(self._replace)
 
     def end(self) -> None:
@@ -379,8 +394,12 @@ class EncoderFrameStuck(_CanBoardFault):
 
     def _replace(self, frame: Frame, now: float) -> Iterator[Frame]:
         del now
-        if self.board.address is not None and frame.identifier == m.BROADCAST_POSITION.identifier(self.board.address):
-            frame = self._sent = self._sent or frame
+        board, positions = self.board, self.positions
+        if board.address is not None and frame.identifier == positions.identifier(board.address):
+            values = decode(*frame, board.dialect).values
+            live = len(values) - len(board.axes)  # the current and the speed of a drive
+            self._sent = self._sent or values
+            frame = positions.frame(board.address, *values[:live], *self._sent[live:])
         yield frame
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from rtf.robot.devices.can import sensor_messages as s
 from rtf.robot.devices.can.codec import decode
-from rtf.robot.devices.can.messages import Dialect, Frame
+from rtf.robot.devices.can.messages import ADDRESSES, Dialect, Frame
 from rtf.robot.errors import MessageError
 
 if TYPE_CHECKING:
@@ -52,6 +52,19 @@ class Board(ABC):
     @abstractmethod
     def stop(self) -> None:
         """Stop motors and broadcasts, as a search and a jump to the boot loader ask for."""
+
+    def clear(self) -> None:
+        """Be as after the start, without faults and commands, as the robot is reset; what was set is kept."""
+        self.silent = False
+
+    def take_address(self, values: Values) -> bool:
+        """Answer at another address from now on, also after a reset; return whether it is one."""
+        address = int(number(values))
+        if address not in ADDRESSES:
+            return False
+        self.address = address
+        self.wire.forget_addresses()
+        return True
 
     def receive(self, frame: Frame, time: float) -> None:
         """Take a request; what is none for this board is dropped, as boards do."""
@@ -99,6 +112,11 @@ def number(values: Values, place: int = 0) -> float:
 # Management -------------------------------------------------------------------------------------------------------
 
 
+def _set_address(board: Board, values: Values) -> None:
+    if not board.take_address(values):
+        board.rejected += 1
+
+
 def _discovered(board: Board, _values: Values) -> None:
     board.send(s.DISCOVER.value, board.board_type, *board.firmware)
     board.stop()
@@ -128,6 +146,7 @@ def _get_information(board: Board, _values: Values) -> None:
 _MANAGEMENT: dict[str, Callable[[Board, Values], None]] = {
     s.DISCOVER.get.name: _discovered,
     s.PING.get.name: _ping,
+    s.SET_ADDRESS.name: _set_address,
     s.JUMP_TO_LOADER.name: _jump_to_loader,
     s.BOARD_INFORMATION.set.name: set_information,
     s.BOARD_INFORMATION.get.name: _get_information,

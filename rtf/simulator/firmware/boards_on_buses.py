@@ -65,6 +65,7 @@ class Firmware:
         plan = SensorPlan(simulation, self.wires, self.part_wires)
         self.sensors: list[SensorOnBus] = [] if sensors is None else list(plan.place(sensors))
         simulation.boards.each_step.append(self.step)
+        simulation.on_reset.append(self.reset)
 
     def _populate(self, robot: RobotModel, part: str) -> None:
         """Make the boards of a part, and its buses."""
@@ -118,6 +119,13 @@ class Firmware:
     def wires_of(self, part: str) -> list[str]:
         """Return the names of the buses of a part."""
         return [wire.name for wire in self.part_wires.get(part, [])]
+
+    def reset(self) -> None:
+        """Return all nodes to their buses, and have the boards forget faults and commands, as the robot is reset."""
+        for wire in self.wires.values():
+            wire.recover()
+        for board in self.all_boards:
+            board.clear()
 
     def step(self, now: float) -> None:
         """Run all boards, then all buses, for a millisecond."""

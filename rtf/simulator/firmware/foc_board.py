@@ -67,6 +67,7 @@ class FocBoard(Board):
     """
 
     dialect = Dialect.FOC
+    watchdog: float = WATCHDOG
 
     def __init__(
         self,
@@ -102,6 +103,12 @@ class FocBoard(Board):
         self._switch_off()
         self.mode = BoardMode.NOT_CONFIGURED
 
+    def clear(self) -> None:
+        super().clear()
+        self.faults, self.setpoint, self.gains.integral = FocFault(0), 0, 0.0
+        if self.mode is not BoardMode.NOT_CONFIGURED:
+            self.mode = BoardMode.IDLE  # until the host gives power, the robot is held as after its start
+
     def stop(self) -> None:
         if self.mode in POWERED:
             self._switch_off()
@@ -113,7 +120,7 @@ class FocBoard(Board):
         message = got.message
         if got.source == HOST and message in m.SETPOINTS:
             return self._take_setpoint(got.values)
-        handler = _HANDLERS.get(message.name)
+        handler = DRIVE_HANDLERS.get(message.name)
         return handler is not None and not got.axis and handler(self, got.values)
 
     def _take_setpoint(self, words: Values) -> bool:
@@ -154,7 +161,7 @@ class FocBoard(Board):
             self.faults |= _FAULTS.get(self.boards.faults[self.axis][0], FocFault.EXTERNAL)
         elif self.mode in POWERED:
             self._since += 1
-            if self._since > WATCHDOG:
+            if self._since > self.watchdog:
                 self.faults |= FocFault.SETPOINT_EXPIRED
                 self._switch_off()
                 self.mode = BoardMode.HARDWARE_FAULT
@@ -281,6 +288,10 @@ def _get_address(board: FocBoard, _values: Values) -> bool:
     return True
 
 
+def _set_address(board: FocBoard, values: Values) -> bool:
+    return board.take_address(values)
+
+
 def _set_hall(board: FocBoard, values: Values) -> bool:
     if board.agreed:
         board.hall = values
@@ -341,7 +352,7 @@ _EFFECTS: dict[str, Callable[[FocBoard, Values], None]] = {
     m.VELOCITY_PID_LIMITS.set.name: _limit_velocity_control,
 }
 #: By the name of the message; each returns whether the board has taken it.
-_HANDLERS: dict[str, Callable[[FocBoard, Values], bool]] = (
+DRIVE_HANDLERS: dict[str, Callable[[FocBoard, Values], bool]] = (
     {one.set.name: _set(one) for one in DRIVE_SETTINGS}
     | {one.get.name: _get(one) for one in DRIVE_SETTINGS}
     | {
@@ -352,6 +363,7 @@ _HANDLERS: dict[str, Callable[[FocBoard, Values], bool]] = (
         m.CURRENT_LIMIT.name: _limit_current,
         m.SET_HALL.name: _set_hall,
         m.MOTOR_PARAMETER.get.name: _get_motor_parameter,
+        m.BOARD_ID.set.name: _set_address,
         m.BOARD_ID.get.name: _get_address,
     }
 )

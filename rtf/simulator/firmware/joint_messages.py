@@ -216,6 +216,11 @@ def _drive(board: JointBoardState, axis: int) -> None:
         board.boards.expire_after(axes, _NEVER)
 
 
+def _set_address(board: JointBoardState, _axis: int, values: Values) -> None:
+    if not board.take_address(values):
+        board.rejected += 1
+
+
 def _set_information(board: JointBoardState, _axis: int, values: Values) -> None:
     set_information(board, values)
 
@@ -315,6 +320,7 @@ HANDLERS: dict[str, Handler] = (
         m.VELOCITY_TIMEOUT.name: _set_velocity_timeout,
         m.WRITE_FLASH.name: _write_flash,
         m.READ_FLASH.name: _read_flash,
+        m.BOARD_ID.set.name: _set_address,
         m.INFORMATION.set.name: _set_information,
         m.INFORMATION.get.name: _get_information,
         m.VERSION.get.name: _version,

@@ -15,6 +15,7 @@ import numpy as np
 from rtf.robot.devices.can import sensor_messages as s
 from rtf.robot.devices.can.codes import BoardType, InertialKind, StrainMode
 from rtf.robot.devices.can.messages import MAX_DATA
+from rtf.simulator.board_state import AMBIENT
 from rtf.simulator.firmware.board import Board, number
 from rtf.simulator.firmware.readings import short
 
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 
 #: Milliseconds between two readings, unless the host asks for others.
 PERIOD, SKIN_PERIOD = 10, 20
+#: Milliseconds between two temperatures of a force-torque board. No source says how often boards send them.
+_TEMPERATURE_PERIOD = 1000
 _MODES = frozenset(map(int, StrainMode))
 
 
@@ -93,6 +96,7 @@ class SensorBoard(Board):
 class StrainBoard(SensorBoard):
     """A force-torque sensor: six strain gauges, and the matrix in flash that makes forces and torques of them.
 
+    It has the temperature of the room, which it sends every second beside its readings.
     ``scales`` are the full scales, whole numbers of N and Nm. ``calibration`` (6 by 6) makes shares of them of shares
     of the range of the gauges. A gauge beyond its range is saturated, and this is told with what follows from it.
     """
@@ -111,6 +115,7 @@ class StrainBoard(SensorBoard):
         board_type: BoardType = BoardType.STRAIN,
     ) -> None:
         self.scales, self.calibration = scales, calibration
+        self._temperature_due = 0
         self._gauges = np.linalg.inv(calibration) / np.array(scales, dtype=np.float64)
         super().__init__(wire, address, simulation, measure, board_type)
 
@@ -123,6 +128,9 @@ class StrainBoard(SensorBoard):
             self._send(_CALIBRATED, counts, saturated)
         if self.mode in (StrainMode.RAW, StrainMode.BOTH):
             self._send(_RAW, gauges, saturated)
+        if self._simulation.boards.tick >= self._temperature_due:
+            self._temperature_due = self._simulation.boards.tick + _TEMPERATURE_PERIOD
+            self.send(s.STRAIN_TEMPERATURE, 1, round(AMBIENT / s.STRAIN_TEMPERATURE.fields[1].factor), 0)
 
     def _send(self, pairs: Mapping[bool, tuple[Message, Message]], counts: FloatArray, saturated: FloatArray) -> None:
         """Send counts about zero, with the state of the gauges if one is saturated."""

@@ -39,6 +39,12 @@ class SimulatedBus(CanBus):
             opener=self._attach,
             lock=firmware.simulation.lock,
         )
+        self._simulation.on_reset.append(self.restarted)
+
+    def close(self) -> None:
+        if self.restarted in self._simulation.on_reset:
+            self._simulation.on_reset.remove(self.restarted)
+        super().close()
 
     def _attach(self, _settings: BusSettings) -> can.BusABC:
         return _Host(self._wire, self._simulation, self.take)

@@ -111,6 +111,10 @@ class Wire:
         self._receivers.clear()
         self._forget(connection)
 
+    def forget_addresses(self) -> None:
+        """Look again for whom frames are: the address of a node has changed."""
+        self._receivers.clear()
+
     def recover(self) -> None:
         """Return all nodes to the bus, without errors."""
         for connection in self._nodes:

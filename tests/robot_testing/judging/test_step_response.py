@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rtf.robot_testing.judging.step_response import noise_before, spread_of, step_response
+from rtf.robot_testing.judging.step_response import noise_before, spread_of, step_response, with_noise
 
 TIME = np.arange(-0.5, 3.0, 0.01)
 
@@ -117,3 +117,14 @@ def test_the_spread_is_that_between_repetitions():
     base = first_order(0.0, 1.0, 0.1)
     assert spread_of([TIME] * 3, [base - 0.1, base, base + 0.1], 0.01) == pytest.approx(0.1)
     assert math.isnan(spread_of([TIME], [base], 0.01))
+
+
+def test_noise_alone_stays_below_its_greatest_deviation():
+    """Few points know their variance badly; without noise nothing is added."""
+    for points in (5, 12, 100):
+        found = np.random.default_rng(points).normal(0.0, 0.1, (10_000, points)).std(axis=1)
+        assert (found > with_noise(0.0, 0.1, points)).mean() < 0.002
+    assert with_noise(0.1, 0.0, 12) == pytest.approx(0.1)
+    assert with_noise(0.3, 0.4, 10**9) == pytest.approx(0.5, rel=1e-3)
+    with pytest.raises(ValueError, match="1 points have no deviation"):
+        with_noise(0.1, 0.1, 1)

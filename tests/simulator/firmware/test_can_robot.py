@@ -113,6 +113,27 @@ def test_a_fault_of_a_board_reaches_the_user_and_is_left_by_force_idle():
         assert made.simulation.boards.mode[0] == ControlMode.IDLE
 
 
+def test_after_a_reset_the_robot_is_as_after_its_start():
+    """A fault, modes, settings and positions of before are gone at both ends of the bus, and it obeys again."""
+    with robot() as (made, arm):
+        arm.set_control_modes(ControlMode.TORQUE, 1)
+        arm.set_limits(1, 10.0, 60.0)
+        with made.simulation.lock:
+            made.simulation.boards.set_max_current(0, 0.0)
+        wait(0.2)
+        assert arm.control_modes() == (ControlMode.HARDWARE_FAULT, ControlMode.TORQUE)
+        made.simulation.reset()
+        wait(0.3)
+        assert arm.control_modes() == (ControlMode.POSITION, ControlMode.POSITION)
+        assert arm.last_joint_fault(0) == (0, "")
+        assert arm.limits(1)[0] < 10.0
+        assert arm.encoders() == pytest.approx(made.simulation.boards.position, abs=0.1)
+        arm.position_move([5.0, 20.0])
+        wait(2.5)
+        assert arm.encoders() == pytest.approx([5.0, 20.0], abs=0.5)
+        assert arm.control_modes() == (ControlMode.POSITION, ControlMode.POSITION)
+
+
 def test_boards_that_are_silent_are_reported():
     """The state is stale, with the names of board and bus; after their return it is fresh again."""
     said: list[str] = []

@@ -115,6 +115,16 @@ def test_a_board_is_configured_after_the_protocol_is_agreed():
     assert bench.ask(m.FOC_CONTROL_MODE) == (BoardMode.IDLE,)
 
 
+def test_a_board_takes_another_address(bench: DriveBench):
+    """Its setpoint is the word of the new one then, and it answers there; what is no address is dropped."""
+    bench.send(m.BOARD_ID.set, 0)
+    bench.send(m.BOARD_ID.set, 4)
+    bench.got.clear()
+    bench.connection.send(m.SETPOINTS[3].frame(HOST, 0, 0, 0, 0))
+    bench.run(0.002)
+    assert {one.source for _, one in bench.got} == {2, 4}
+
+
 def test_modes_are_entered_from_idle_only(bench: DriveBench):
     """From one mode with power there is no way to another one but through idle."""
     for before, after in itertools.permutations(sorted(POWERED), 2):

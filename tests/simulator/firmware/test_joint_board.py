@@ -19,7 +19,7 @@ from rtf.simulator.simulation import Simulation
 from .can_bench import CanBench
 
 if TYPE_CHECKING:
-    from rtf.robot.devices.can.messages import Setting
+    from rtf.robot.devices.can.messages import Message, Setting
 
 
 @pytest.fixture
@@ -64,6 +64,24 @@ def test_settings_are_read_back_as_they_were_written(bench: CanBench):
     bench.send(m.D_GAIN.set, 99)
     assert bench.ask(m.POSITION_PID) == (77, 2, 99, 4)
     assert bench.ask(m.I_GAIN) == (2,)
+
+
+@pytest.mark.parametrize("command", [m.BOARD_ID.set, s.SET_ADDRESS])
+def test_a_board_takes_another_address_and_keeps_it(bench: CanBench, command: Message):
+    """It answers and broadcasts there, also after a reset; what is no address is dropped."""
+    bench.send(m.BROADCASTS, 1)
+    bench.send(command, 15)
+    assert (bench.board.address, bench.board.rejected) == (1, 1)
+    bench.send(command, 5)
+    bench.board.reset()
+    bench.got.clear()
+    bench.connection.send(m.VERSION.get.frame(1, 1, 6))
+    bench.connection.send(m.BROADCASTS.frame(5, 1))
+    bench.connection.send(m.BOARD_ID.get.frame(5))
+    bench.run(0.01)
+    assert {one.source for _, one in bench.got} == {5}
+    assert [values for _, values in bench.messages(m.BOARD_ID.value)] == [(5,)]
+    assert bench.messages(m.BROADCAST_POSITION)
 
 
 def test_gains_of_a_board_are_those_of_the_controller(ready: CanBench):

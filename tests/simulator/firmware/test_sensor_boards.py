@@ -103,6 +103,8 @@ def test_a_strain_board_sends_what_it_is_asked_for(bench: SensorBench):
     assert calibrated == pytest.approx(bench.values, abs=1.6 * scales.max() / 0x8000)
     raw = np.concatenate([shares(bench.sent(s.RAW_FORCE))[0], shares(bench.sent(s.RAW_TORQUE))[0]])
     assert board.calibration @ raw * scales == pytest.approx(bench.values, abs=1.6 * scales.max() / 0x8000)
+    bench.run(1.0)
+    assert bench.sent(s.STRAIN_TEMPERATURE) == [(1, 250, 0)]
     bench.send(s.SET_STRAIN_MODE, StrainMode.STOPPED)
     bench.run(0.05)
     assert not bench.got

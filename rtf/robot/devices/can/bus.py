@@ -1,7 +1,8 @@
 """A CAN bus of this process: one bus of python-can, one thread that reads it, and receivers by identifier.
 
 What is sent goes to the interface at once. While that is busy, frames wait in the order of their identifiers, in which
-they would win the arbitration; those that wait too long are dropped, counted and reported, never sent late.
+they would win the arbitration; those that wait too long, by the robot's clock, are dropped, counted and reported, never
+sent late.
 """
 
 from __future__ import annotations
@@ -99,6 +100,8 @@ class CanBus:
         self._subscribed: list[tuple[Receiver, frozenset[int]]] = []
         self._watchers: tuple[Receiver, ...] = ()
         self._withheld_until = 0.0  # s of the robot's clock
+        #: Called when all boards have been reset on purpose, as by the reset of a simulation.
+        self.on_restart: list[Callable[[], None]] = []
         #: Of the interface's sending side, the queue and the receivers.
         self._lock: AbstractContextManager[object] = lock or threading.Lock()
         self._waiting: list[tuple[int, int, float, bytes]] = []  # a heap: identifier, number, deadline, data
@@ -149,6 +152,11 @@ class CanBus:
         with self._lock:
             self._waiting.clear()
             self._bus.shutdown()
+
+    def restarted(self) -> None:
+        """Tell the devices that all boards have been reset on purpose, and have to be configured again."""
+        for tell in self.on_restart:
+            tell()
 
     # Receiving -----------------------------------------------------------------------------------------------------
 
@@ -274,7 +282,7 @@ class CanBus:
         if len(self._waiting) >= self.settings.queue:
             self.counters.refused += 1
             raise BusError(f"the CAN bus {self.name} is busy: {len(self._waiting)} frames wait to be sent already")
-        deadline = clock.monotonic() + self.settings.transmit_timeout
+        deadline = clock.current().now() + self.settings.transmit_timeout
         heapq.heappush(self._waiting, (frame.identifier, next(self._numbers), deadline, frame.data))
 
     def _transmit(self, identifier: int, data: bytes) -> bool:
@@ -307,7 +315,7 @@ class CanBus:
     def _flush(self) -> None:
         """Send what waits, and drop what has waited too long."""
         with self._lock:
-            now = clock.monotonic()
+            now = clock.current().now()
             late = [entry for entry in self._waiting if entry[2] < now]
             if late:
                 self._waiting = [entry for entry in self._waiting if entry[2] >= now]

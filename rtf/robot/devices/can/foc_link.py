@@ -12,6 +12,7 @@ from rtf.robot.control_modes import ControlMode
 from rtf.robot.devices.can import motor_messages as motor
 from rtf.robot.devices.can.axis_link import AxisLink
 from rtf.robot.devices.can.codes import BoardMode, FocFault, MotorFlag, QuadratureState
+from rtf.robot.devices.can.exchange import PROTOCOL
 from rtf.robot.devices.can.messages import Dialect
 from rtf.robot.extended_state import Field
 
@@ -65,6 +66,7 @@ class FocLink(AxisLink):
 
     def all_settings(self, board: DrivenBoard, axis: int) -> Iterator[Sent]:
         drive, integer = self.settings.drive, self.scale.integer
+        yield motor.VERSION.get, PROTOCOL  # without which a board that was reset takes no settings
         yield motor.MOTOR_CONFIGURATION, (int(drive.flags), drive.resolution, 0, drive.poles, 0)
         limits = (board.nominal_current[axis], board.peak_current[axis], board.max_current[axis])
         yield motor.CURRENT_LIMITS, tuple(integer("current limit", float(one) * _MILLIAMPERES) for one in limits)

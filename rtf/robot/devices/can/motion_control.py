@@ -14,7 +14,7 @@ from rtf import clock
 from rtf.bottle import Bottle
 from rtf.robot.control_modes import REQUESTS, USER_MODES, ControlMode
 from rtf.robot.devices.board_driver import BoardDriver
-from rtf.robot.devices.can.axis_link import NEVER
+from rtf.robot.devices.can.axis_link import MODE_PATIENCE, NEVER
 from rtf.robot.devices.can.axis_settings import CanSettings, can_settings
 from rtf.robot.devices.can.bus import CanBus, Load, LoadMeter, share, unshare
 from rtf.robot.devices.can.bus_settings import bus_settings
@@ -94,6 +94,8 @@ class CanMotionControl(BoardDriver):
         self._warned: dict[int, tuple[str, ...]] = {}
         self._damaged = 0
         self._asked_again = NEVER
+        self._restarted = False
+        self._restarted_at: float | None = None  # s, while positions of boards that were reset are awaited
         self._patience = FIRST_POSITIONS  # seconds of silence, longer while boards are configured on a busy host
         self._arrived = threading.Event()
         self.versions: dict[int, Version] = {}
@@ -122,6 +124,7 @@ class CanMotionControl(BoardDriver):
         """Make the links of the axes, of the types of their boards."""
         self._links, self._of_board, self._warned, self._damaged = [], {}, {}, 0
         self._latest, self._seen = {}, {}
+        self._restarted, self._restarted_at = False, None
         for one in settings.axes:
             scale = replace(one.scale, saturated=self._saturation(one.axis.name))
             drives = self.versions[one.board].board_type in FOC_BOARDS
@@ -163,7 +166,12 @@ class CanMotionControl(BoardDriver):
         kind = MessageClass.MOTOR_PERIODIC << 8
         numbers = [kind | board << 4 | code for board in self._of_board for code in range(16)]
         answers = [board << 4 for board in self._of_board]
-        self._ends = [bus.subscribe(self._take, numbers), bus.subscribe(self._take_answer, answers)]
+        bus.on_restart.append(self._note_restart)
+        self._ends = [
+            bus.subscribe(self._take, numbers),
+            bus.subscribe(self._take_answer, answers),
+            lambda: bus.on_restart.remove(self._note_restart),
+        ]
         for link in self._links:
             if isinstance(link, JointLink):
                 bus.send(SET_BROADCASTS.frame(link.board, BROADCASTS))
@@ -254,6 +262,7 @@ class CanMotionControl(BoardDriver):
                 pass
         self._take_latest()
         now = self.time()
+        self._follow_restart(bus, now)
         state.floats[...] = np.array([_measured(link.feedback) for link in self._links]).T
         state.temperatures[:] = [link.feedback.temperature for link in self._links]
         for axis, link in enumerate(self._links):
@@ -327,6 +336,21 @@ class CanMotionControl(BoardDriver):
             self._asked_again = now
             self._ask_again(bus, silent)
         raise DeviceError(f"the boards {silent} on {bus.name}{off} have sent no positions for more than {patience:g} s")
+
+    def _note_restart(self) -> None:
+        """Take note that the boards have been reset on purpose. May be called from any thread."""
+        self._restarted = True
+
+    def _follow_restart(self, bus: CanBus, now: float) -> None:
+        """Have boards that were reset send positions, and start again once there are some of all axes."""
+        if self._restarted:
+            self._restarted, self._restarted_at = False, now
+            for link in self._links:
+                link.feedback.stamp, link.settles = now, now + MODE_PATIENCE
+            self._ask_again(bus, [*self._of_board])
+        elif self._restarted_at is not None and all(link.feedback.stamp > self._restarted_at for link in self._links):
+            self._restarted_at = None
+            self.board.restart()
 
     def _ask_again(self, bus: CanBus, silent: list[int]) -> None:
         """Have boards send positions again that may have been reset; what was set may be lost."""
