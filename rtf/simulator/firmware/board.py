@@ -89,11 +89,6 @@ class Board(ABC):
         if self.address is not None and not self.silent:
             self.connection.send(message.frame(self.address, *values, axis=axis))
 
-    def send_packed(self, message: Message, data: bytes) -> None:
-        """Send a message whose data is made already."""
-        if self.address is not None and not self.silent:
-            self.connection.send(Frame(message.identifier(self.address), data))
-
     def answer_version(self, question: Question, values: Values, axis: int = 0) -> None:
         """Answer a question for the versions, and whether that of the host's protocol is agreed to."""
         major, minor = self.protocol

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from rtf.robot.devices.can.bus_settings import BusSettings
     from rtf.robot.devices.can.messages import Frame
-    from rtf.simulator.firmware.wire import Wire
+    from rtf.simulator.firmware.wire import Heard, Wire
     from rtf.simulator.simulation import Simulation
 
 #: The identifiers of hosts: requests to boards, and the setpoints of drives. All others are those of the boards.
@@ -36,7 +36,7 @@ class Bridge:
         self, wire: Wire, settings: BusSettings, simulation: Simulation, report: Callable[[str], None]
     ) -> None:
         self.wire = wire
-        self.dropped = 0  # frames of boards that the bus did not take
+        self.dropped = 0  # frames of boards, if the bus did not take all of those that it got at once
         self._simulation = simulation
         self._bus = CanBus(settings, report=report)
         with simulation.lock:
@@ -45,11 +45,14 @@ class Bridge:
 
     def receive(self, frame: Frame, time: float) -> None:
         """Pass on what a board has sent."""
-        del time
+        self.receive_all([(frame, time)])
+
+    def receive_all(self, heard: Heard) -> None:
+        """Pass on what boards have sent."""
         try:
-            self._bus.send(frame)
+            self._bus.send(*(frame for frame, _ in heard))
         except BusError:  # the bus reports it
-            self.dropped += 1
+            self.dropped += len(heard)
 
     def _from_host(self, frame: Frame, stamp: float) -> None:
         """Put what a host has sent on the wire. Called by the thread of the bus."""

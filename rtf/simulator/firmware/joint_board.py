@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from rtf.robot.control_modes import InteractionMode
 from rtf.robot.devices.can import motor_messages as m
 from rtf.robot.devices.can.codes import BoardType
-from rtf.robot.devices.can.messages import Frame, MessageClass
+from rtf.robot.devices.can.messages import MessageClass, make_frame
 from rtf.simulator.firmware.joint_messages import HANDLERS
 from rtf.simulator.firmware.joint_state import JointBoardState
 
@@ -84,7 +84,7 @@ class JointBoard(JointBoardState):
                 self._send_status(tick)
             elif self.address is not None:
                 data = self.readings.broadcast(code, self.place)
-                self.connection.send(Frame(_BROADCAST | self.address << 4 | code, data))
+                self.connection.send(make_frame((_BROADCAST | self.address << 4 | code, data)))
 
     def _send_status(self, tick: int) -> None:
         """Send the status, with the additional one, if it has changed or is due."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from rtf.robot.devices.can import sensor_messages as s
 from rtf.robot.devices.can.codes import BoardType, InertialKind, StrainMode
-from rtf.robot.devices.can.messages import MAX_DATA
+from rtf.robot.devices.can.messages import MAX_DATA, MessageClass, make_frame
 from rtf.simulator.board_state import AMBIENT
 from rtf.simulator.firmware.board import Board, number
 from rtf.simulator.firmware.readings import short
@@ -219,14 +219,16 @@ class SkinBoard(SensorBoard):
         table[:, 0, 1:] = triangles[:, :_FIRST]
         table[:, 1, 0] = _SECOND_PART
         table[:, 1, 1 : 1 + _TAXELS - _FIRST] = triangles[:, _FIRST:]
-        data = table.tobytes()
+        data, address, send = table.tobytes(), self.address or 0, self.connection.send
         for place in range(2 * len(triangles)):
-            self.send_packed(s.SKIN[place // 2], data[place * MAX_DATA : (place + 1) * MAX_DATA])
+            number = _SKIN | address << 4 | place // 2
+            send(make_frame((number, data[place * MAX_DATA : (place + 1) * MAX_DATA])))
 
 
 #: The triangles of a skin board at most.
 TRIANGLES = len(s.SKIN)
 _TAXELS, _FIRST, _SECOND_PART = 12, 7, 0x80
+_SKIN = MessageClass.SKIN_PERIODIC << 8
 
 
 class MaisBoard(SensorBoard):

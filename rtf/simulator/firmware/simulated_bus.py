@@ -47,18 +47,18 @@ class SimulatedBus(CanBus):
         super().close()
 
     def _attach(self, _settings: BusSettings) -> can.BusABC:
-        return _Host(self._wire, self._simulation, self.take)
+        return _Host(self._wire, self._simulation, self)
 
 
 class _Host(can.BusABC):
-    """A host on a wire as an interface of python-can, but for frames that arrive: ``receive`` gets them."""
+    """A host on a wire as an interface of python-can, but for frames that arrive: the bus gets them."""
 
     address: int | None = None
 
-    def __init__(self, wire: Wire, simulation: Simulation, receive: Callable[[Frame, float], None]) -> None:
+    def __init__(self, wire: Wire, simulation: Simulation, bus: CanBus) -> None:
         super().__init__(channel=wire.name)
         self.channel_info = f"{SIMULATED} {wire.name}"
-        self.receive = receive
+        self.receive, self.receive_all = bus.take, bus.take_all
         self._wire = wire
         self._simulation = simulation
         with simulation.lock:

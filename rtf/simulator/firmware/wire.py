@@ -7,8 +7,8 @@ an error of its sender; after too many errors the sender is off the bus, as of I
 
 from __future__ import annotations
 
-import heapq
-import itertools
+from itertools import islice
+from operator import itemgetter
 from typing import TYPE_CHECKING, Protocol
 
 from rtf.robot.devices.can.frame_bits import frame_bits
@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
     from rtf.robot.devices.can.messages import Frame
 
-    _Entry = tuple[int, int, Frame, "Connection"]  # identifier, order of arrival, frame and sender
+    _Entry = tuple[int, Frame, "Connection"]  # identifier, frame and sender
+    Heard = list[tuple[Frame, float]]  # frames with the times of their ends
 
 #: Bits a second.
 BIT_RATE = 1_000_000
@@ -33,11 +34,15 @@ BUS_OFF = 255
 _MOST_RECEIVER_ERRORS = 127
 #: Bits of an error frame, with the space after it.
 _ERROR_BITS = 23
+_identifier = itemgetter(0)
 _PERIODIC_TO_BOARDS = MessageClass.MOTOR_PERIODIC << 8 | HOST << 4 | EVERYONE
 
 
 class Node(Protocol):
-    """What is connected to a wire. ``address``: of a board; None of one that gets all frames."""
+    """What is connected to a wire. ``address``: of a board; None of one that gets all frames.
+
+    One that has ``receive_all`` gets what boards broadcast by it, as a list of frames and times, at the end of a step.
+    """
 
     address: int | None
     connection: Connection
@@ -56,7 +61,9 @@ class Connection:
         self.node = node
         self.sender_errors = self.receiver_errors = self.lost = self.waiting = 0
         self.off = False
+        self.listens = node.address is None
         self.receive = node.receive
+        self.receive_all: Callable[[Heard], None] = getattr(node, "receive_all", self._receive_each)
         self._wire = wire
 
     def send(self, frame: Frame) -> bool:
@@ -65,9 +72,12 @@ class Connection:
             self.lost += 1
             return False
         self.waiting += 1
-        wire = self._wire
-        heapq.heappush(wire.waiting, (frame[0], next(wire.order), frame, self))
+        self._wire.waiting.append((frame[0], frame, self))
         return True
+
+    def _receive_each(self, heard: Heard) -> None:
+        for frame, time in heard:
+            self.receive(frame, time)
 
     def recover(self) -> None:
         """Return to the bus, without errors."""
@@ -94,26 +104,27 @@ class Wire:
         self.filters: list[Callable[[Frame, float], Iterable[Frame]]] = []
         self._nodes: list[Connection] = []
         self._receivers: dict[int, list[Connection]] = {}  # by identifier, as far as they were asked for
-        self.waiting: list[_Entry] = []  # a heap: what takes part in the arbitration
-        self.order = itertools.count()
+        self._listeners: list[Connection] = []  # that get all frames
+        self.waiting: list[_Entry] = []  # what takes part in the arbitration, in the order of arrival
         self._debt = 0  # bits of the step that the last frame took beyond its end
 
     def attach(self, node: Node) -> Connection:
         """Connect a node. Several boards may have one address, as by a mistake."""
         connection = Connection(self, node)
         self._nodes.append(connection)
-        self._receivers.clear()
+        self.forget_addresses()
         return connection
 
     def detach(self, connection: Connection) -> None:
         """Disconnect a node; what it still had to send is lost."""
         self._nodes.remove(connection)
-        self._receivers.clear()
+        self.forget_addresses()
         self._forget(connection)
 
     def forget_addresses(self) -> None:
-        """Look again for whom frames are: the address of a node has changed."""
+        """Look again for whom frames are: nodes, or the address of one, have changed."""
         self._receivers.clear()
+        self._listeners = [one for one in self._nodes if one.listens]
 
     def recover(self) -> None:
         """Return all nodes to the bus, without errors."""
@@ -122,53 +133,67 @@ class Wire:
 
     def step(self, now: float) -> None:
         """Send for a millisecond, from the simulated time ``now`` (s) on. One loop, as it runs for every frame."""
-        waiting, used, passed = self.waiting, self._debt, self._debt
-        while waiting and used < _BITS_A_STEP:
-            entry = heapq.heappop(waiting)
-            identifier, _, frame, sender = entry
-            rivals = self._rivals(entry) if waiting and waiting[0][0] == identifier else ()
+        waiting, used = self.waiting, self._debt
+        heard: Heard = []
+        place = ordered = 0  # the next frame, and how many are in the order of their identifiers
+        while used < _BITS_A_STEP:
+            if ordered != len(waiting):  # others have been sent
+                del waiting[:place]
+                waiting.sort(key=_identifier)
+                place, ordered = 0, len(waiting)
+            if place == ordered:
+                break
+            identifier, frame, sender = waiting[place]
+            following = place + 1
+            alike = following < ordered and waiting[following][0] == identifier
+            rivals = self._rivals(place) if alike else ()
             if rivals or (self.disturbances and self._disturbed(frame, now + used / BIT_RATE)):
                 used += _ERROR_BITS
-                self._send_again([entry, *rivals])
+                del waiting[:place]
+                self._count_errors([sender, *rivals])
+                place, ordered = 0, -1
                 continue
+            place = following
             used += frame_bits(frame)
+            time = now + used / BIT_RATE
             self.frames += 1
             sender.waiting -= 1
             if sender.sender_errors:
                 sender.sender_errors -= 1
-            if self.filters:
-                self._deliver(frame, sender, now + used / BIT_RATE)
+            receivers = self._receivers.get(identifier)
+            if receivers is None:
+                receivers = self._receivers[identifier] = self._receivers_of(identifier)
+            if receivers is self._listeners and not sender.listens and not self.filters:
+                heard.append((frame, time))
             else:
-                self.hand_over(frame, now + used / BIT_RATE, sender)
-        self.bits += used - passed
+                self._tell(heard)
+                self._deliver(frame, sender, time)
+        del waiting[:place]
+        self._tell(heard)
+        self.bits += used - self._debt
         self._debt = max(0, used - _BITS_A_STEP)
 
     def _disturbed(self, frame: Frame, time: float) -> bool:
         return any(damaged(frame, time) for damaged in self.disturbances)
 
-    def _rivals(self, first: _Entry) -> list[_Entry]:
-        """Take the frames of other nodes with the same identifier and other data: they spoil each other."""
-        same: list[_Entry] = []
-        while self.waiting and self.waiting[0][0] == first[0]:
-            same.append(heapq.heappop(self.waiting))
-        rivals: dict[Connection, _Entry] = {}
-        for entry in same:
-            if entry[3] is not first[3] and entry[2] != first[2] and entry[3] not in rivals:
-                rivals[entry[3]] = entry
-            else:
-                heapq.heappush(self.waiting, entry)
-        return list(rivals.values())
+    def _rivals(self, place: int) -> list[Connection]:
+        """Return the other nodes that have a frame with the same identifier and other data: they spoil each other."""
+        identifier, frame, sender = self.waiting[place]
+        rivals: list[Connection] = []
+        for other, theirs, node in islice(self.waiting, place + 1, None):
+            if other != identifier:
+                break
+            if node is not sender and theirs != frame and node not in rivals:
+                rivals.append(node)
+        return rivals
 
-    def _send_again(self, entries: list[_Entry]) -> None:
-        """Count an error of the senders of frames, and let the frames wait again."""
-        senders = [sender for *_, sender in entries]
+    def _count_errors(self, senders: list[Connection]) -> None:
+        """Count an error of senders, whose frames go on to wait."""
         for connection in self._nodes:
             if connection in senders:
                 connection.count_error()
             elif connection.receiver_errors < _MOST_RECEIVER_ERRORS:
                 connection.receiver_errors += _RECEIVER_ERROR
-        for entry in entries:
-            heapq.heappush(self.waiting, entry)
         for sender in senders:
             if sender.off:  # what it had to send is lost
                 sender.lost += sender.waiting
@@ -177,8 +202,15 @@ class Wire:
     def _forget(self, sender: Connection) -> None:
         """Drop what a node has to send."""
         sender.waiting = 0
-        self.waiting[:] = [entry for entry in self.waiting if entry[3] is not sender]
-        heapq.heapify(self.waiting)
+        self.waiting[:] = [entry for entry in self.waiting if entry[2] is not sender]
+
+    def _tell(self, heard: Heard) -> None:
+        """Give what boards have broadcast to those that get all frames; the list is empty afterwards."""
+        for listener in self._listeners if heard else ():
+            if not listener.off:
+                listener.receiver_errors = max(0, listener.receiver_errors - len(heard))
+                listener.receive_all(heard[:])
+        heard.clear()
 
     def _deliver(self, frame: Frame, sender: Connection, time: float) -> None:
         """Pass on what faults make of a frame."""
@@ -202,7 +234,7 @@ class Wire:
     def _receivers_of(self, identifier: int) -> list[Connection]:
         """Return the nodes that take frames with an identifier: boards take requests and setpoints only."""
         kind, source, destination = identifier >> 8, identifier >> 4 & 0xF, identifier & 0xF
-        to_boards = identifier == _PERIODIC_TO_BOARDS or (kind in POLLING and source == HOST)
-        addresses = {None, destination} if to_boards else {None}
-        everyone = to_boards and destination == EVERYONE
-        return [one for one in self._nodes if everyone or one.node.address in addresses]
+        if identifier != _PERIODIC_TO_BOARDS and (kind not in POLLING or source != HOST):
+            return self._listeners
+        addresses = {None, destination}
+        return [one for one in self._nodes if destination == EVERYONE or one.node.address in addresses]

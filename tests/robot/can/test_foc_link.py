@@ -14,10 +14,8 @@ from rtf.robot.devices.board_axes import BoardAxis
 from rtf.robot.devices.can import motor_messages as motor
 from rtf.robot.devices.can.axis_scale import LONG, SHORT, AxisScale
 from rtf.robot.devices.can.axis_settings import CanAxis, Drive
-from rtf.robot.devices.can.codec import decode
 from rtf.robot.devices.can.codes import MotorFlag
 from rtf.robot.devices.can.foc_link import FocLink
-from rtf.robot.devices.can.messages import Dialect
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -55,7 +53,7 @@ def setpoints(position: float = 0.0, velocity: float = 0.0, current: float = 0.0
 def test_feedback_is_that_of_rotor_and_joint(gearbox: float, zero: float, current: int, velocity: int, position: int):
     """A joint turns as its rotor, the gearbox times slower, the other way if that is negative."""
     one = link(gearbox, zero)
-    one.take(decode(*motor.FOC_FEEDBACK.frame(1, current, velocity, position), Dialect.FOC), 5.0)
+    one.kept[motor.FOC_FEEDBACK](one, (current, velocity, position), 5.0)
     got = one.feedback
     assert (got.current, got.stamp) == (pytest.approx(current / 1e3), 5.0)
     assert (got.motor_position, got.motor_velocity) == (pytest.approx(position * TICK), pytest.approx(velocity * SPEED))

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from rtf.robot.devices.board_driver import DrivenBoard
     from rtf.robot.devices.can.axis_scale import AxisScale
     from rtf.robot.devices.can.axis_settings import CanAxis
-    from rtf.robot.devices.can.codec import Decoded
     from rtf.robot.devices.can.messages import Dialect, Frame, Message, Question
     from rtf.robot.extended_state import Field
 
@@ -62,8 +61,8 @@ class AxisLink(ABC):
     #: The modes of the robot, and those of the board.
     modes: ClassVar[dict[ControlMode, BoardMode]]
 
-    #: What is kept of the values of a periodic message and their time (s), by its type.
-    kept: ClassVar[dict[int, Callable[[Any, tuple[Any, ...], float], None]]]  # Any: a link, numbers of the message
+    #: What keeps the values of a periodic message and their time (s).
+    kept: ClassVar[dict[Message, Callable[[Any, tuple[Any, ...], float], None]]]  # Any: a link, numbers of the message
 
     #: The question for the mode of an axis.
     mode_question: ClassVar[Question]
@@ -118,12 +117,6 @@ class AxisLink(ABC):
         return [SET_CONTROL_MODE.frame(self.board, command, axis=self.index)]
 
     # From the board ------------------------------------------------------------------------------------------------
-
-    def take(self, got: Decoded, stamp: float) -> None:
-        """Keep what a periodic message of the board says of this axis."""
-        keep = self.kept.get(got.message.code)
-        if keep is not None:
-            keep(self, got.values, stamp)
 
     def fault_names(self) -> str:
         """Return the faults that the board reports, in words."""

@@ -60,10 +60,15 @@ class BusCounters:
 
 @dataclass(slots=True)
 class Traffic:
-    """The frames with one identifier: how many, and the data of the last one."""
+    """The frames with one identifier: how many, and the last one with its time (s, the robot's clock)."""
 
     frames: int = 0
-    data: bytes = b""
+    latest: tuple[Frame, float] = Frame(0, b""), 0.0
+
+    @property
+    def data(self) -> bytes:
+        """The data of the last frame."""
+        return self.latest[0].data
 
 
 class Load(NamedTuple):
@@ -97,7 +102,7 @@ class CanBus:
         self._report = report
         self._opener = opener
         self._receivers: list[tuple[Receiver, ...]] = [()] * _IDENTIFIERS
-        self._subscribed: list[tuple[Receiver, frozenset[int]]] = []
+        self._subscribed: list[tuple[Receiver | None, frozenset[int]]] = []
         self._watchers: tuple[Receiver, ...] = ()
         self._withheld_until = 0.0  # s of the robot's clock
         #: Called when all boards have been reset on purpose, as by the reset of a simulation.
@@ -160,8 +165,11 @@ class CanBus:
 
     # Receiving -----------------------------------------------------------------------------------------------------
 
-    def subscribe(self, receive: Receiver, identifiers: Iterable[int] | None = None) -> Callable[[], None]:
-        """Pass frames with these identifiers, or all frames, to a receiver. Return what ends that."""
+    def subscribe(self, receive: Receiver | None, identifiers: Iterable[int] | None = None) -> Callable[[], None]:
+        """Pass frames with these identifiers, or all frames, to a receiver. Return what ends that.
+
+        Without a receiver the frames are only received: ``traffic`` has the last one of each identifier.
+        """
         entry = (receive, frozenset(range(_IDENTIFIERS) if identifiers is None else identifiers))
 
         def end() -> None:
@@ -195,14 +203,15 @@ class CanBus:
         """Note the receivers of each identifier, and have the interface filter, if it can."""
         receivers: list[tuple[Receiver, ...]] = [()] * _IDENTIFIERS
         for receive, identifiers in self._subscribed:
-            for identifier in identifiers:
-                receivers[identifier] += (receive,)
+            if receive is not None:
+                for identifier in identifiers:
+                    receivers[identifier] += (receive,)
         self._receivers = receivers
         self._filter()
 
     def _filter(self) -> None:
         if self.settings.interface in FILTERING:
-            wanted = [identifier for identifier, receivers in enumerate(self._receivers) if receivers]
+            wanted = sorted(frozenset().union(*(identifiers for _, identifiers in self._subscribed)))
             with suppress(can.CanError):  # as it is told by the next frame that is read
                 self._bus.set_filters(
                     [
@@ -240,18 +249,24 @@ class CanBus:
 
     def take(self, frame: Frame, stamp: float) -> None:
         """Pass a frame to its receivers."""
-        identifier, data = frame
-        self.counters.received += 1
-        traffic = self.traffic.get(identifier)
-        if traffic is None:
-            traffic = self.traffic[identifier] = Traffic()
-        traffic.frames += 1
-        traffic.data = data
-        for receive in self._receivers[identifier]:
-            try:
-                receive(frame, stamp)
-            except RobotError as error:
-                self._tell(f"the CAN bus {self.name}: {error}")
+        self.take_all([(frame, stamp)])
+
+    def take_all(self, heard: Iterable[tuple[Frame, float]]) -> None:
+        """Pass frames, with their times, to their receivers. One loop, as it runs for every frame."""
+        all_traffic, all_receivers = self.traffic, self._receivers
+        for latest in heard:
+            identifier = latest[0][0]
+            traffic = all_traffic.get(identifier)
+            if traffic is None:
+                traffic = all_traffic[identifier] = Traffic()
+            traffic.frames += 1
+            traffic.latest = latest
+            self.counters.received += 1
+            for receive in all_receivers[identifier]:
+                try:
+                    receive(*latest)
+                except RobotError as error:
+                    self._tell(f"the CAN bus {self.name}: {error}")
 
     def _read(self) -> None:
         while not self._ended.is_set():
@@ -300,11 +315,11 @@ class CanBus:
             raise BusError(f"the CAN bus {self.name} cannot be written: {error}") from error
         self.counters.sent += 1
         if self.settings.interface not in ECHOING:
-            frame, now = Frame(identifier, data), clock.current().now()
+            latest = Frame(identifier, data), clock.current().now()
             traffic = self.traffic.setdefault(identifier, Traffic())
-            traffic.frames, traffic.data = traffic.frames + 1, data
+            traffic.frames, traffic.latest = traffic.frames + 1, latest
             for watch in self._watchers:
-                watch(frame, now)
+                watch(*latest)
         return True
 
     def _transmit_waiting(self) -> None:

@@ -122,9 +122,9 @@ class FocLink(AxisLink):
         self.feedback.temperature = values[0]
 
     kept = {  # noqa: RUF012 - declared as a class variable by the base
-        motor.FOC_FEEDBACK.code: _keep_feedback,
-        motor.FOC_STATUS.code: _keep_status,
-        motor.FOC_ADDITIONAL_STATUS.code: _keep_temperature,
+        motor.FOC_FEEDBACK: _keep_feedback,
+        motor.FOC_STATUS: _keep_status,
+        motor.FOC_ADDITIONAL_STATUS: _keep_temperature,
     }
 
 

@@ -209,12 +209,12 @@ class JointLink(AxisLink):
         self.feedback.errors = values[6], values[7]
 
     kept = {  # noqa: RUF012 - declared as a class variable by the base
-        motor.BROADCAST_POSITION.code: _keep_position,
-        motor.BROADCAST_VELOCITY.code: _keep_velocity,
-        motor.BROADCAST_PID.code: _keep_duty,
-        motor.BROADCAST_CURRENT.code: _keep_current,
-        motor.BROADCAST_ERROR.code: _keep_error,
-        motor.STATUS.code: _keep_status,
+        motor.BROADCAST_POSITION: _keep_position,
+        motor.BROADCAST_VELOCITY: _keep_velocity,
+        motor.BROADCAST_PID: _keep_duty,
+        motor.BROADCAST_CURRENT: _keep_current,
+        motor.BROADCAST_ERROR: _keep_error,
+        motor.STATUS: _keep_status,
     }
 
 

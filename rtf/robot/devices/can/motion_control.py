@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import threading
+import struct
 from contextlib import suppress
 from dataclasses import asdict, replace
+from functools import partial
 from operator import attrgetter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from rtf.robot.devices.can.codes import FOC_BOARDS, JOINT_BOARDS, BoardMode
 from rtf.robot.devices.can.exchange import PROTOCOL, Exchange, Version
 from rtf.robot.devices.can.foc_link import BOARDS, FocLink
 from rtf.robot.devices.can.joint_link import BROADCASTS, JointLink
-from rtf.robot.devices.can.messages import HOST, Frame, MessageClass, Setting
+from rtf.robot.devices.can.messages import HOST, MessageClass, Setting
 from rtf.robot.devices.can.motor_messages import BROADCASTS as SET_BROADCASTS
 from rtf.robot.devices.can.motor_messages import CONTROL_MODE, FOC_CONTROL_MODE, SETPOINTS
 from rtf.robot.errors import BusError, DeviceError, MessageError
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from rtf.robot.devices.board_driver import Setpoints
     from rtf.robot.devices.can.axis_link import AxisLink, Sent
     from rtf.robot.devices.can.codec import Decoded
+    from rtf.robot.devices.can.messages import Frame, Message
     from rtf.robot.extended_state import ExtendedState
 
 #: The codes of faults that are found here; those that a board reports begin at ``FIRST_FAULT`` with bit 0.
@@ -87,8 +89,7 @@ class CanMotionControl(BoardDriver):
         self._load = Load(0.0, 0.0)
         self._measured = NEVER
         self._ends: list[Callable[[], None]] = []
-        self._latest: dict[int, tuple[Frame, float]] = {}  # by identifier, with the time
-        self._seen: dict[int, tuple[Frame, float]] = {}  # those of them that were decoded
+        self._broadcasts: dict[int, _Broadcast] = {}  # by identifier
         self._links: list[AxisLink] = []
         self._of_board: dict[int, list[AxisLink]] = {}
         self._warned: dict[int, tuple[str, ...]] = {}
@@ -97,7 +98,6 @@ class CanMotionControl(BoardDriver):
         self._restarted = False
         self._restarted_at: float | None = None  # s, while positions of boards that were reset are awaited
         self._patience = FIRST_POSITIONS  # seconds of silence, longer while boards are configured on a busy host
-        self._arrived = threading.Event()
         self.versions: dict[int, Version] = {}
 
     # Connecting ------------------------------------------------------------------------------------------------------
@@ -123,7 +123,7 @@ class CanMotionControl(BoardDriver):
     def _link(self, settings: CanSettings) -> None:
         """Make the links of the axes, of the types of their boards."""
         self._links, self._of_board, self._warned, self._damaged = [], {}, {}, 0
-        self._latest, self._seen = {}, {}
+        self._broadcasts = {}
         self._restarted, self._restarted_at = False, None
         for one in settings.axes:
             scale = replace(one.scale, saturated=self._saturation(one.axis.name))
@@ -136,6 +136,9 @@ class CanMotionControl(BoardDriver):
                 )
             self._links.append(link)
             self._of_board.setdefault(one.board, []).append(link)
+            for message, keep in link.kept.items():
+                broadcast = self._broadcasts.setdefault(message.identifier(one.board), _Broadcast(message))
+                broadcast.keep.append(partial(keep, link))
         self._drives = [link for link in self._links if isinstance(link, FocLink)]
         self.measures = frozenset.intersection(*(link.measured() for link in self._links))
         common = frozenset.intersection(*(link.supported() for link in self._links))
@@ -167,8 +170,10 @@ class CanMotionControl(BoardDriver):
         numbers = [kind | board << 4 | code for board in self._of_board for code in range(16)]
         answers = [board << 4 for board in self._of_board]
         bus.on_restart.append(self._note_restart)
+        for number, broadcast in self._broadcasts.items():
+            broadcast.seen = bus.traffic[number].latest if number in bus.traffic else None
         self._ends = [
-            bus.subscribe(self._take, numbers),
+            bus.subscribe(None, numbers),
             bus.subscribe(self._take_answer, answers),
             lambda: bus.on_restart.remove(self._note_restart),
         ]
@@ -190,11 +195,10 @@ class CanMotionControl(BoardDriver):
                 )
             self._send_setpoints([0] * len(BOARDS))
             if bus.threaded:
-                self._arrived.wait(_SETPOINT_PERIOD)
-                self._arrived.clear()
+                clock.sleep(_SETPOINT_PERIOD)
             else:
                 bus.poll(_SETPOINT_PERIOD)
-            self._take_latest()
+            self._take_latest(bus)
 
     def disconnect(self) -> None:
         """Switch the motors off, have the boards send nothing more, and give the bus back."""
@@ -217,12 +221,6 @@ class CanMotionControl(BoardDriver):
 
     # Receiving -------------------------------------------------------------------------------------------------------
 
-    def _take(self, frame: Frame, stamp: float) -> None:
-        """Keep what a board broadcasts until it is read: only the latest of its kind counts then. For the bus."""
-        self._latest[frame[0]] = frame, stamp
-        if not self._arrived.is_set():
-            self._arrived.set()
-
     def _take_answer(self, frame: Frame, stamp: float) -> None:
         """Keep the mode that a board answers. Called by the thread of the bus."""
         del stamp
@@ -243,24 +241,28 @@ class CanMotionControl(BoardDriver):
                 self.report(f"{error} (the first of such frames; they are counted and ignored)")
             return None
 
-    def _take_latest(self) -> None:
-        """Decode the broadcasts that have arrived since the last call."""
-        for identifier, latest in list(self._latest.items()):
-            if latest is not self._seen.get(identifier):
-                self._seen[identifier] = latest
-                frame, stamp = latest
-                links = self._of_board[identifier >> 4 & 0xF]
-                got = self._decoded(frame, links)
-                if got is not None:
-                    for link in links:
-                        link.take(got, stamp)
+    def _take_latest(self, bus: CanBus) -> None:
+        """Keep the latest broadcasts of each kind, if they are new: those between two calls do not count."""
+        traffic = bus.traffic
+        for identifier, broadcast in self._broadcasts.items():
+            found = traffic.get(identifier)
+            if found is None or found.latest is broadcast.seen:
+                continue
+            broadcast.seen = (_, data), stamp = found.latest
+            try:
+                values = broadcast.unpack(data)
+            except struct.error:
+                self._decoded(found.latest[0], self._of_board[identifier >> 4 & 0xF])  # which says what is wrong
+                continue
+            for keep in broadcast.keep:
+                keep(values, stamp)
 
     def read(self, state: ExtendedState) -> None:
         bus = self._connected()
         if not bus.threaded:
             while bus.poll():
                 pass
-        self._take_latest()
+        self._take_latest(bus)
         now = self.time()
         self._follow_restart(bus, now)
         state.floats[...] = np.array([_measured(link.feedback) for link in self._links]).T
@@ -468,6 +470,16 @@ class CanMotionControl(BoardDriver):
         if self._bus is None:
             raise DeviceError("the boards are not connected")
         return self._bus
+
+
+class _Broadcast:
+    """A message that a board sends by itself: how it is unpacked, what keeps it, and the frame that was kept last."""
+
+    def __init__(self, message: Message) -> None:
+        (layout,) = message.structs.values()
+        self.unpack = layout.unpack
+        self.keep: list[Callable[[tuple[Any, ...], float], None]] = []
+        self.seen: tuple[Frame, float] | None = None
 
 
 def _version(exchange: Exchange, board: int) -> Version:

@@ -92,7 +92,7 @@ class CanSensors(Device, IAnalogSensor, IMultipleAnalogSensors):
         self._damaged = 0
         self._bus = share(bus_settings(configuration), self.network.report)
         try:
-            self._end = self._bus.subscribe(self._take, self.identifiers())
+            self._end = self._bus.subscribe(self.receive, self.identifiers())
             can = parameters.group_of(configuration, "CAN")
             exchange = Exchange(self._bus, parameters.positive(can, "CanTimeout", ANSWER * 1e3) * 1e-3)
             try:
@@ -111,7 +111,8 @@ class CanSensors(Device, IAnalogSensor, IMultipleAnalogSensors):
             unshare(self._bus)
         self._bus = self._end = None
 
-    def _take(self, frame: Frame, stamp: float) -> None:
+    def receive(self, frame: Frame, stamp: float) -> None:
+        """Take a frame of the boards. Called by the thread of the bus."""
         try:
             got = decode(*frame)
         except MessageError as error:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from rtf.bottle import Property
     from rtf.robot.devices.can.codec import Decoded
     from rtf.robot.devices.can.exchange import Exchange
+    from rtf.robot.devices.can.messages import Frame
     from rtf.robot.interfaces import FloatArray
 
 #: The raw value of zero, and its distance from full scale.
@@ -30,7 +31,7 @@ _MIDDLE = 0x8000
 _AXES, _CHANNELS, _MAIS = 3, 6, 15
 _STRAIN = frozenset({BoardType.STRAIN, BoardType.STRAIN2})
 _TRIANGLES, _TAXELS, _FIRST = 16, 12, 7  # triangles of a board, taxels of a triangle, and of its first message
-_SECOND_PART = 0x80
+_SECOND_PART, _SIZE = 0x80, 8  # of a message of skin, in bytes
 _PERIOD, _LONGEST_PERIOD = 10, 255  # ms: one byte
 
 
@@ -199,22 +200,36 @@ class CanSkin(CanSensors):
             board: Sensor(SensorCategory.SKIN_PATCH, SensorInfo(f"{self.name}_{board}"), np.zeros(size * _TAXELS))
             for board, size in zip(addresses, sizes, strict=True)
         }
-        self._taxels = {board: bytearray(one.values.size) for board, one in self._patches.items()}
+        #: The latest messages of the triangles of each board in order, by identifier and whether it is the second one.
+        self._parts = {
+            board: {
+                (message.identifier(board), second): bytes(_SIZE)
+                for message in messages.SKIN[: one.values.size // _TAXELS]
+                for second in (False, True)
+            }
+            for board, one in self._patches.items()
+        }
         return list(self._patches.values())
 
     def identifiers(self) -> list[int]:
         return [one.identifier(board) for board in self._patches for one in messages.SKIN]
 
+    def receive(self, frame: Frame, stamp: float) -> None:
+        """Keep a message until the taxels are read: fifty readings a second are asked for, and hundreds come."""
+        identifier, data = frame
+        if len(data) != _SIZE:
+            super().receive(frame, stamp)
+            return
+        key, board = (identifier, data[0] >= _SECOND_PART), identifier >> 4 & 0xF
+        if key in self._parts[board]:  # others are of a triangle that the configuration does not know
+            self._parts[board][key] = data
+            self._patches[board].stamp = stamp
+
     def take(self, got: Decoded, stamp: float) -> None:
-        taxels, (part, *values) = self._taxels[got.source], got.values
-        second = bool(int(part) & _SECOND_PART)
-        begin = got.message.code * _TAXELS + (_FIRST if second else 0)
-        if begin < len(taxels):  # others are of a triangle that the configuration does not know
-            count = _TAXELS - _FIRST if second else _FIRST
-            taxels[begin : begin + count] = bytes(map(int, values[:count]))
-            self._patches[got.source].stamp = stamp
+        """See CanSensors. No other message has these identifiers."""
 
     def refresh(self) -> None:
-        """Make values of the taxels: fifty readings a second are asked for, and so many hundreds of messages come."""
-        for board, patch in self._patches.items():
-            patch.values = np.frombuffer(bytes(self._taxels[board]), np.uint8).astype(np.float64)
+        for board, parts in self._parts.items():
+            table = np.frombuffer(b"".join(parts.values()), np.uint8).reshape(-1, 2, _SIZE)
+            first, second = table[:, 0, 1 : 1 + _FIRST], table[:, 1, 1 : 1 + _TAXELS - _FIRST]
+            self._patches[board].values = np.hstack([first, second]).ravel().astype(np.float64)
