@@ -12,8 +12,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from rtf.robot.model.bodies import link_of
 from rtf.robot.model.engine import mujoco
-from rtf.robot.model.errors import RobotModelError
 
 if TYPE_CHECKING:
     from rtf.robot.model import RobotModel
@@ -37,21 +37,6 @@ def add_outlines(spec: Any, robot: RobotModel) -> list[Any]:
         )
         for index, shape in enumerate(robot.body.outlines)
     ]
-
-
-def link_of(spec: Any, robot: RobotModel, link: str, what: str, *keys: str) -> Any:
-    """Return the body of a link. ``keys`` are those of ``what`` in robot.toml.
-
-    Raises RobotModelError, with the line, for a link that the description does not have.
-    """
-    body = spec.body(link)
-    if body is None:
-        links = ", ".join(one.name for one in spec.bodies if one.name != "world")
-        raise RobotModelError(
-            f"{robot.place(*keys)}: {what} is on {link!r}, which {robot.description.name} does not have; its links are "
-            f"{links}"
-        )
-    return body
 
 
 def _add(body: Any, shape: Outline, index: int) -> Any:

@@ -9,9 +9,9 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from rtf.robot.model.bodies import link_of
 from rtf.robot.model.engine import mujoco
 from rtf.robot.model.errors import RobotModelError
-from rtf.simulator.collisions import link_of
 from rtf.simulator.scene import OUTSIDE
 
 if TYPE_CHECKING:

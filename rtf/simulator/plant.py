@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from rtf.robot.model.bodies import attach_bodies
 from rtf.robot.model.description import fix_root, load_description
 from rtf.robot.model.engine import mujoco
 from rtf.robot.model.errors import RobotModelError
@@ -173,16 +174,7 @@ def _set_engine(spec: Any, options: Options) -> None:
 def _attach(spec: Any, robot: RobotModel) -> list[Any]:
     """Add the bodies that the description lacks; return their shapes."""
     before = {body.name for body in spec.bodies}
-    for number, attachment in enumerate(robot.body.attach):
-        keys = ("body", "attach", str(number))
-        body = collisions.link_of(spec, robot, attachment.body, f"the attached {attachment.file}", *keys, "body")
-        path = robot.folder / attachment.file
-        try:
-            child = mujoco().MjSpec.from_file(str(path))
-        except (OSError, ValueError) as error:
-            place = robot.place(*keys, "file")
-            raise RobotModelError(f"{place}: {path} cannot be read: {error}") from None
-        spec.attach(child, prefix=attachment.prefix, suffix="", frame=body.add_frame())
+    attach_bodies(spec, robot)
     return [geom for geom in spec.geoms if geom.parent.name not in before]
 
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rtf.robot.model.bodies import link_of
 from rtf.robot.model.engine import mujoco
-from rtf.simulator.collisions import link_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -1,0 +1,23 @@
+"""Kinematics: chains of a robot as data, forward and inverse.
+
+A :class:`Chain` comes from tables (:func:`robot_chains`) or from the robot's description (:func:`described_chain`).
+"""
+
+from rtf.robot.kinematics.chain import Chain, LinearConstraint, Link
+from rtf.robot.kinematics.described import described_chain
+from rtf.robot.kinematics.poses import axis_angle_of, pose_error, pose_of, rotation_of, vector_of
+from rtf.robot.kinematics.tables import ChainTables, robot_chains
+
+__all__ = [
+    "Chain",
+    "ChainTables",
+    "LinearConstraint",
+    "Link",
+    "axis_angle_of",
+    "described_chain",
+    "pose_error",
+    "pose_of",
+    "robot_chains",
+    "rotation_of",
+    "vector_of",
+]
