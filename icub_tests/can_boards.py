@@ -8,7 +8,7 @@ import numpy as np
 
 from rtf.bottle import Bottle, as_int, as_string
 from rtf.robot.devices.can import motor_messages as motor
-from rtf.robot.devices.can.codes import BoardState
+from rtf.robot.devices.can.codes import FOC_BOARDS, BoardState
 from rtf.robot.devices.can.messages import Setting
 from rtf.robot.errors import DeviceError, RobotError, StaleStateError
 from rtf.robot_testing import Safety, likely_causes
@@ -30,11 +30,12 @@ if TYPE_CHECKING:
     Key = tuple[str, int, int, str]
 
 _SETTINGS = {one.set.name: one for one in vars(motor).values() if isinstance(one, Setting)}
-#: The share of a greatest velocity that is set for a moment, to see that a board takes it.
+#: The share of a limit that is set for a moment, to see that a board takes it.
 _CHANGED = 0.9
-#: A position that stands still, while the board says that the axis goes this share of its whole way, is stuck; of an
-#: axis that has gone this many ticks at least.
-_STUCK_WAY, _LEAST_WAY = 0.25, 10.0
+#: A position that stands still, while the board says that the axis goes this share of its whole way, is stuck.
+_STUCK_WAY = 0.25
+#: The error of a speed, which is a whole number.
+_ROUNDING = 0.5
 #: Ticks a millisecond in the speeds that boards broadcast, as a shift: as the driver sets it.
 _SPEED_SHIFT = 5
 _SENSOR_ERRORS = BoardState.TEMPERATURE_SENSOR_1 | BoardState.TEMPERATURE_SENSOR_2
@@ -171,20 +172,30 @@ class CanBoards(CanTest):
         return found
 
     def _check_change(self, part: Part) -> None:
-        """Change the greatest velocity of the first axis of each board, and see that the board has taken it."""
-        before = self.sent_settings()
+        """Change a limit of the first axis of each board, and see that the board has taken it.
+
+        It is the greatest velocity, or for a board that drives a motor, and has none, the peak current.
+        """
+        before, board = self.sent_settings(), part.board
         firsts = {(one.channel, one.board): part.names.index(one.name) for one in reversed(self.places)}
-        limits = {joint: part.board.velocity_limits(joint) for joint in firsts.values()}
+        types = {(name, one.board): one.board_type for name, found in self.found.items() for one in found.values()}
+        drives = {joint for key, joint in firsts.items() if types[key] in FOC_BOARDS}
+        limits = {joint: board.velocity_limits(joint) for joint in firsts.values() if joint not in drives}
+        currents = {joint: board.peak_current(joint) for joint in drives}
         try:
             for joint, (low, high) in limits.items():
-                part.board.set_velocity_limits(joint, low, _CHANGED * high)
+                board.set_velocity_limits(joint, low, _CHANGED * high)
+            for joint, most in currents.items():
+                board.set_peak_current(joint, _CHANGED * most)
             changed = {key: values for key, values in self.sent_settings().items() if before.get(key) != values}
             self._check_settings(changed, "it does not take a new")
         finally:
             for joint, ends in limits.items():
-                part.board.set_velocity_limits(joint, *ends)
-        for key in {(channel, board) for channel, board in firsts} - {key[:2] for key in changed}:
-            self.report(f"{key[0]}:{key[1]} has no greatest velocity: whether it takes changes is not judged")
+                board.set_velocity_limits(joint, *ends)
+            for joint, most in currents.items():
+                board.set_peak_current(joint, most)
+        for channel, address in firsts.keys() - {key[:2] for key in changed}:
+            self.report(f"{channel}:{address} has no such limit: whether it takes changes is not judged")
 
     # Motion ------------------------------------------------------------------------------------------------------
 
@@ -265,7 +276,8 @@ class CanBoards(CanTest):
             )
             whole, still = float(np.ptp(way)), _longest_way_at_rest(where, way)
             self.measure(f"way of {joint} by its speeds, ticks", whole, "count")
-            if whole > _LEAST_WAY and still > _STUCK_WAY * whole:
+            unit = 1.0 if board.drives else 2.0**-_SPEED_SHIFT
+            if whole > _ROUNDING * unit * 1e3 * float(np.ptp(speed_times)) and still > _STUCK_WAY * whole:
                 text = f"the positions of {joint} stand still for {still:.0f} of the {whole:.0f} ticks that it moves"
                 self._complain(channel, board.address, text, "position stuck")
 

@@ -14,7 +14,7 @@ from rtf.robot.devices.can.codec import Decoded, dialect_of
 from rtf.robot.devices.can.codes import BoardType
 from rtf.robot.devices.can.exchange import PROTOCOL, Exchange
 from rtf.robot.devices.can.listener import described
-from rtf.robot.devices.can.messages import Dialect, MessageClass, Question, Setting
+from rtf.robot.devices.can.messages import ADDRESSES, Dialect, MessageClass, Question, Setting
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
@@ -90,7 +90,8 @@ def set_parameter(words: Sequence[str]) -> int:
         exchange = Exchange(bus, _PATIENCE)
         dialect = _dialect(exchange, options.board, known)
         bus.send(known.set.frame(options.board, *values, axis=options.axis))
-        board = int(values[0]) if known is motor_messages.BOARD_ID else options.board  # where it answers now
+        moved = known is motor_messages.BOARD_ID and values[0] in ADDRESSES
+        board = int(values[0]) if moved else options.board  # where it answers now
         got = exchange.ask(known, board, axis=options.axis, dialect=dialect)
     say(described(Decoded(known.value, board, 0, options.axis, got)))
     if tuple(got) == tuple(values):

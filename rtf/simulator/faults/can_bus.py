@@ -145,7 +145,7 @@ class FramesDelayed(_FramesFault):
     delay: float
 
     def begin(self) -> None:
-        self._waiting: list[tuple[float, Frame]] = []
+        self._waiting: list[tuple[float, Frame, Connection | None]] = []
         super().begin()
         self.simulation.boards.each_step.append(self._pass_on)
 
@@ -154,12 +154,13 @@ class FramesDelayed(_FramesFault):
         self.simulation.boards.each_step.remove(self._pass_on)
 
     def replace(self, frame: Frame, now: float) -> Iterator[Frame]:
-        self._waiting.append((now + self.delay, frame))
+        self._waiting.append((now + self.delay, frame, self.wire.sender))
         yield from ()
 
     def _pass_on(self, now: float) -> None:
         while self._waiting and self._waiting[0][0] <= now:
-            self.wire.hand_over(self._waiting.pop(0)[1], now)
+            _, frame, sender = self._waiting.pop(0)
+            self.wire.hand_over(frame, now, sender)
 
 
 class Termination(_BusFault):

@@ -59,6 +59,7 @@ class _Host(can.BusABC):
         super().__init__(channel=wire.name)
         self.channel_info = f"{SIMULATED} {wire.name}"
         self.receive, self.receive_all = bus.take, bus.take_all
+        self._counters = bus.counters
         self._wire = wire
         self._simulation = simulation
         with simulation.lock:
@@ -72,6 +73,10 @@ class _Host(can.BusABC):
         if not taken:
             off = self.connection.off
             raise can.CanOperationError("off the bus" if off else "no room", None if off else errno.ENOBUFS)
+
+    def disturbed(self) -> None:
+        """Count an error frame."""
+        self._counters.error_frames += 1
 
     def recv(self, timeout: float | None = None) -> None:
         """Let some time pass, as frames arrive meanwhile; return at once in the thread of the simulation."""

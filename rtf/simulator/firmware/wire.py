@@ -42,6 +42,7 @@ class Node(Protocol):
     """What is connected to a wire. ``address``: of a board; None of one that gets all frames.
 
     One that has ``receive_all`` gets what boards broadcast by it, as a list of frames and times, at the end of a step.
+    One that has ``disturbed`` is told of each error frame, as the controllers of hosts tell it.
     """
 
     address: int | None
@@ -64,6 +65,7 @@ class Connection:
         self.listens = node.address is None
         self.receive = node.receive
         self.receive_all: Callable[[Heard], None] = getattr(node, "receive_all", self._receive_each)
+        self.disturbed: Callable[[], None] = getattr(node, "disturbed", lambda: None)
         self._wire = wire
 
     def send(self, frame: Frame) -> bool:
@@ -106,6 +108,7 @@ class Wire:
         self._receivers: dict[int, list[Connection]] = {}  # by identifier, as far as they were asked for
         self._listeners: list[Connection] = []  # that get all frames
         self.waiting: list[_Entry] = []  # what takes part in the arbitration, in the order of arrival
+        self.sender: Connection | None = None  # of the frame that the filters get
         self._debt = 0  # bits of the step that the last frame took beyond its end
 
     def attach(self, node: Node) -> Connection:
@@ -190,6 +193,7 @@ class Wire:
     def _count_errors(self, senders: list[Connection]) -> None:
         """Count an error of senders, whose frames go on to wait."""
         for connection in self._nodes:
+            connection.disturbed()
             if connection in senders:
                 connection.count_error()
             elif connection.receiver_errors < _MOST_RECEIVER_ERRORS:
@@ -214,6 +218,7 @@ class Wire:
 
     def _deliver(self, frame: Frame, sender: Connection, time: float) -> None:
         """Pass on what faults make of a frame."""
+        self.sender = sender
         frames: Iterable[Frame] = (frame,)
         for faulty in self.filters:
             frames = [after for before in frames for after in faulty(before, time)]

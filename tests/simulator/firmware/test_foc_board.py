@@ -233,7 +233,7 @@ def test_coupled_motors_cannot_have_such_boards():
 
 
 def test_the_driver_moves_joints_by_such_boards():
-    """Positions, velocities, currents and duty cycles through driver, bus and boards; and the fault of a lost host."""
+    """Positions, velocities, currents and duty cycles; the fault of a lost host; and a reset of the robot ends all."""
     network = Network(LocalNames())
     robot = load_robot("bench")
     with SimulatedRobot(robot, network=network, lockstep=True, can=True, drives=["arm"]) as made:
@@ -260,3 +260,27 @@ def test_the_driver_moves_joints_by_such_boards():
         wait(0.7)  # silent boards are asked again every half second
         assert arm.control_modes(0) == (ControlMode.HARDWARE_FAULT,)
         assert "board 1 reports setpoint expired" in arm.last_joint_fault(0)[1]
+        made.firmware.drives[1].reset()  # which loses its power, and its settings
+        made.simulation.reset()
+        wait(0.5)
+        assert arm.control_modes() == (ControlMode.POSITION, ControlMode.POSITION)
+        arm.position_move([5.0, 20.0])
+        wait(2.5)
+        assert arm.encoders() == pytest.approx([5.0, 20.0], abs=0.1)
+
+
+def test_one_silent_board_leaves_the_others_standing_and_speaking():
+    """Without setpoints they would go on at their last velocity, and fall silent, too."""
+    network = Network(LocalNames())
+    said: list[str] = []
+    network.report = said.append
+    with SimulatedRobot(load_robot("bench"), network=network, lockstep=True, can=True, drives=["arm"]) as made:
+        arm, wait = made.parts["arm"], clock.current().sleep
+        arm.set_control_modes([ControlMode.VELOCITY] * 2)
+        arm.velocity_move([10.0, 10.0])
+        wait(0.3)
+        assert made.firmware is not None
+        made.firmware.drives[0].connection.off = True
+        wait(0.3)
+        assert made.simulation.boards.velocity[1] == pytest.approx(0.0, abs=1.0)
+        assert not any("[1, 2]" in sentence for sentence in said)

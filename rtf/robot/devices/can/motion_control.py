@@ -186,12 +186,13 @@ class CanMotionControl(BoardDriver):
                 f"two boards on {bus.name} have the address {', '.join(map(str, clashes))}: disconnect one, and give "
                 "it another one"
             )
-        deadline = clock.Deadline.after(FIRST_POSITIONS)
+        patience = max(FIRST_POSITIONS, exchange.timeout)  # boards that may answer late may be late in this, too
+        deadline = clock.Deadline.after(patience)
         while any(link.feedback.stamp == NEVER for link in self._links):
             if deadline.expired:
                 silent = sorted({link.board for link in self._links if link.feedback.stamp == NEVER})
                 raise DeviceError(
-                    f"the boards {silent} on {bus.name} send no positions within {FIRST_POSITIONS:g} s of the start"
+                    f"the boards {silent} on {bus.name} send no positions within {patience:g} s of the start"
                 )
             self._send_setpoints([0] * len(BOARDS))
             if bus.threaded:
@@ -337,6 +338,8 @@ class CanMotionControl(BoardDriver):
         if not bus.off and now - self._asked_again > _ASK_AGAIN:
             self._asked_again = now
             self._ask_again(bus, silent)
+        elif not bus.off:
+            self._send_setpoints([0] * len(BOARDS))  # drives that speak stand still, and go on to speak
         raise DeviceError(f"the boards {silent} on {bus.name}{off} have sent no positions for more than {patience:g} s")
 
     def _note_restart(self) -> None:
