@@ -34,8 +34,8 @@ _SETTINGS = {one.set.name: one for one in vars(motor).values() if isinstance(one
 _CHANGED = 0.9
 #: A position that stands still, while the board says that the axis goes this share of its whole way, is stuck.
 _STUCK_WAY = 0.25
-#: The error of a speed, which is a whole number.
-_ROUNDING = 0.5
+#: The greatest error of a speed, which is a whole number made of whole positions: a way that it explains is none.
+_ROUNDING = 2.0
 #: Ticks a millisecond in the speeds that boards broadcast, as a shift: as the driver sets it.
 _SPEED_SHIFT = 5
 _SENSOR_ERRORS = BoardState.TEMPERATURE_SENSOR_1 | BoardState.TEMPERATURE_SENSOR_2

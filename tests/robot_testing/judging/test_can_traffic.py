@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rtf.robot.devices.can import motor_messages as motor
-from rtf.robot.devices.can.codes import BoardType
+from rtf.robot.devices.can.codes import BoardType, FocFault
 from rtf.robot.devices.can.messages import Frame
 from rtf.robot_testing.judging.can_traffic import BoardOnBus, CanTraffic, older_than_usual
 
@@ -34,7 +34,10 @@ def test_a_schedule_is_expected_as_long_as_the_recording_is():
     assert traffic.expected(BOARD._replace(board_type=BoardType.MC_4DC))[POSITIONS] == pytest.approx(99 * 4 / 5)
     drive = BoardOnBus(1, BoardType.FOC_2, ("hip",))
     setpoints = [(motor.SETPOINTS[0].frame(0, 5), 1.0 + place * 1e-3) for place in range(50)]
-    assert set(CanTraffic(setpoints, BITRATE).expected(drive).values()) == {50.0}
+    traffic = CanTraffic(setpoints, BITRATE)
+    assert set(traffic.expected(drive).values()) == {50.0}
+    assert traffic.cycle_of(drive) == pytest.approx(1e-3)
+    assert traffic.cycle_of(BOARD) == BOARD.cycle
 
 
 def test_repeated_and_overtaken_frames_are_told_apart():
@@ -75,6 +78,10 @@ def test_lengths_and_counts_of_errors_are_those_of_messages():
     assert traffic.unreadable([BOARD]) == {POSITIONS: 1}
     assert traffic.errors(BOARD) == (16, 5)
     assert CanTraffic([], BITRATE).errors(BOARD) == (0, 0)
+    drive = BoardOnBus(1, BoardType.FOC_2, ("hip",))
+    for faults, counts in ((0, (0, 0)), (FocFault.RX_WARNING, (0, 96)), (FocFault.TX_PASSIVE, (128, 0))):
+        frame = motor.FOC_STATUS.frame(1, 0, 0, 0, int(faults))
+        assert CanTraffic([(frame, 1.0)], BITRATE).errors(drive) == counts
 
 
 def test_silence_counts_from_the_last_frame_and_to_the_end():

@@ -18,6 +18,7 @@ from rtf.robot.devices.can.codes import BoardMode, BoardType, FocFault, FocPidPa
 from rtf.robot.devices.can.messages import HOST, Dialect
 from rtf.robot.model import load_robot
 from rtf.simulator.errors import SimulatorError
+from rtf.simulator.faults import find_kind
 from rtf.simulator.firmware.boards_on_buses import Firmware
 from rtf.simulator.firmware.configuration import can_configuration
 from rtf.simulator.firmware.foc_board import POWERED
@@ -113,6 +114,27 @@ def test_a_board_is_configured_after_the_protocol_is_agreed():
     bench.send(m.MOTOR_CONFIGURATION.set, 1, 14400, 0, 7, 0)
     assert bench.ask(m.MOTOR_CONFIGURATION) == (1, 14400, 0, 7, 0)
     assert bench.ask(m.FOC_CONTROL_MODE) == (BoardMode.IDLE,)
+
+
+def test_faults_of_boards_strike_a_drive(bench: DriveBench):
+    """Its positions stand still while its speeds do not; without a watchdog it goes on; both end."""
+    bench.send(m.SET_CONTROL_MODE, BoardMode.OPEN_LOOP)
+    bench.drive(0)
+    stuck, endless = (find_kind(kind)(bench, "arm0:1") for kind in ("can_encoder_frame_stuck", "can_watchdog_off"))  # type: ignore[arg-type]  # it has what a fault needs of a robot
+    before = bench.feedback(m.FOC_FEEDBACK)
+    stuck.start()
+    bench.drive(3200, 0.1)
+    (_, speed, position), bench.got = bench.feedback(m.FOC_FEEDBACK), []
+    assert (abs(speed) > 10, abs(position - before[2]) < 2 * abs(before[1]) + 2) == (True, True)
+    stuck.end()
+    endless.start()
+    bench.drive(3200)
+    assert abs(bench.feedback(m.FOC_FEEDBACK)[2] - position) > 100
+    bench.run(1.5)
+    assert bench.board.mode is BoardMode.OPEN_LOOP
+    endless.end()
+    bench.run(0.01)
+    assert bench.board.mode is BoardMode.HARDWARE_FAULT
 
 
 def test_a_board_takes_another_address(bench: DriveBench):
