@@ -1,0 +1,306 @@
+"""Inverse kinematics: the posture of a chain that has a given pose, near a given rest posture.
+
+The pose comes first, the rest posture decides among the postures that have it; limits and linear constraints always
+hold. It is a least-squares problem that is solved by steps of Levenberg and Marquardt, each a quadratic program of the
+package daqp. An attempt that ends beside the target is repeated from other postures, which are always the same.
+A target out of reach has the nearest pose, and the solution says by how much.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache, cached_property
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from rtf.robot.errors import RefusedError
+from rtf.robot.kinematics.poses import POSITION, checked_pose, homogeneous, pose_error, pose_of
+from rtf.robot.model.errors import MissingPackageError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from rtf.robot.kinematics.chain import Chain
+
+Priority = Literal["position", "orientation"]
+
+#: What counts as reached: m, and deg.
+POSITION_TOLERANCE, ORIENTATION_TOLERANCE = 1e-4, 0.1
+#: Weights of a metre and of a radian beside an error of a radian of a joint that has the full weight of its rest
+#: posture. They are so great that a pose within reach is met to a hundredth of the tolerances.
+_WEIGHTS: dict[Priority, tuple[float, float]] = {"position": (3000.0, 300.0), "orientation": (300.0, 3000.0)}
+#: The least weight of a rest posture, a share of the greatest: a joint that nothing else holds stays where it is.
+_LEAST_WEIGHT = 1e-3
+_STEPS = 50
+_LONGEST_STEP = 0.6  # rad, m
+_DONE = 1e-3  # rad, m: a step so short ends an attempt that has met its target
+_STUCK = 1e-7  # likewise, for any attempt
+#: Damping: at first, its least and greatest value, and factors after a step that is better and one that is worse.
+_DAMPING, _LEAST_DAMPING, _GREATEST_DAMPING, _BETTER, _WORSE = 1e-3, 1e-6, 1e7, 0.1, 10.0
+#: Postures from which attempts are repeated; the nearest ones by their tips. A radian counts as these metres.
+_POSTURES, _ARM = 400, 0.3
+_UNBOUNDED = 1e30
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """A posture, and how far its pose is from the target."""
+
+    positions: NDArray[np.float64]  # deg, m, of all joints
+    pose: NDArray[np.float64]  # (4, 4)
+    position_error: float  # m
+    orientation_error: float  # deg; 0 for a target without an orientation
+    reached: bool  # within POSITION_TOLERANCE and ORIENTATION_TOLERANCE
+    attempts: int
+
+    @property
+    def problem(self) -> str:
+        """How far the target is out of reach; empty if it is reached."""
+        if self.reached:
+            return ""
+        said = f"the nearest pose is {self.position_error * 1e3:.3g} mm"
+        turned = f" and {self.orientation_error:.3g} deg" if self.orientation_error else ""
+        return f"{said}{turned} from the target"
+
+
+class InverseKinematics:
+    """The inverse kinematics of a chain. Objects are not shared by threads.
+
+    Raises MissingPackageError, whose message says how to install the missing package.
+    """
+
+    def __init__(self, chain: Chain) -> None:
+        self.chain = chain
+        self._daqp = _package()
+
+    def solve(
+        self,
+        target: ArrayLike,
+        start: ArrayLike,
+        *,
+        rest: ArrayLike | None = None,
+        weights: ArrayLike | None = None,
+        active: Sequence[bool] | None = None,
+        priority: Priority = "position",
+        attempts: int = 6,
+    ) -> Solution:
+        """Return the posture that has a pose.
+
+        ``target`` is a position (m), a vector of seven numbers, or a matrix. Attempts begin at ``start``, the present
+        positions (deg, m) of all joints; joints that are not ``active`` stay there. ``rest`` are positions with
+        ``weights``, of which only the ratio counts: a joint with the weight 0 is drawn to its start, with the weight 1.
+        ``priority`` says what is rather met of a pose out of reach.
+
+        Raises RefusedError for lists of a wrong length, for numbers that are none, for an axis of no length, and if
+        there is no joint to move, or no posture within limits and constraints.
+        """
+        if attempts < 1:
+            raise RefusedError(f"the number of attempts is at least 1, not {attempts}")
+        if priority not in _WEIGHTS:
+            raise RefusedError(f"the priority is {' or '.join(_WEIGHTS)}, not {priority!r}")
+        goal, has_orientation = _target(target)
+        problem = self._problem(start, rest, weights, active)
+        metre, radian = _WEIGHTS[priority]
+        scale = np.array([metre] * 3 + [radian] * (3 if has_orientation else 0))
+        best: Solution | None = None
+        least = math.inf
+        for number, posture in enumerate(self._starts(problem, goal, has_orientation, attempts), 1):
+            positions = self._attempt(problem, posture, goal, scale)
+            solution = self._solution(positions / self.chain.internal, goal, has_orientation, number)
+            size = float(np.linalg.norm(scale * _error(goal, solution.pose, scale.size)))
+            if best is None or size < least:
+                best, least = solution, size
+            if solution.reached:
+                return solution
+        assert best is not None
+        return best
+
+    # Reading ---------------------------------------------------------------------------------------------------------
+
+    def _problem(
+        self, start: ArrayLike, rest: ArrayLike | None, weights: ArrayLike | None, active: Sequence[bool] | None
+    ) -> _Problem:
+        chain = self.chain
+        free = np.array([True] * len(chain) if active is None else list(active), dtype=np.bool_)
+        if free.shape != (len(chain),):
+            raise RefusedError(f"{chain.name} has {len(chain)} joints, so active has as many values, not {free.size}")
+        if not free.any():
+            raise RefusedError(f"{chain.name}: no joint is active")
+        present = chain.checked(start, batched=False) * chain.internal
+        drawn = np.zeros(len(chain)) if weights is None else chain.checked(weights, batched=False)
+        if (drawn < 0.0).any():
+            raise RefusedError(f"{chain.name}: weights of the rest posture are not negative, as in {drawn.tolist()}")
+        low, high = chain.minima * chain.internal, chain.maxima * chain.internal
+        aim = present if rest is None else chain.checked(rest, batched=False) * chain.internal
+        aim = np.where(drawn > 0.0, np.clip(aim, low, high), present)
+        drawn = np.where(drawn > 0.0, drawn, 1.0)
+        matrix, lower, upper = self._constraints(free)
+        return _Problem(
+            free=free,
+            start=present,
+            low=np.where(free, low, present),
+            high=np.where(free, high, present),
+            matrix=matrix,
+            lower=lower,
+            upper=upper,
+            rest=aim,
+            squares=np.maximum(drawn / drawn.max(), _LEAST_WEIGHT) ** 2,
+        )
+
+    def _constraints(
+        self, free: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return the constraints of free joints in radians: sums of those stay the same, so bounds have one unit."""
+        chain = self.chain
+        matrix, lower, upper, names = chain.constraint_rows()
+        factors = {one.name: one.factors for one in chain.constraints}
+        rows = [place for place, name in enumerate(names) if all(free[chain.index(joint)] for joint in factors[name])]
+        return matrix[rows] / chain.internal, lower[rows], upper[rows]
+
+    # Attempts --------------------------------------------------------------------------------------------------------
+
+    def _starts(
+        self, problem: _Problem, goal: NDArray[np.float64], has_orientation: bool, attempts: int
+    ) -> Iterator[NDArray[np.float64]]:
+        """Yield where attempts begin: at the start, then at postures whose tips are near the target."""
+        yield self._allowed(problem, problem.start)
+        postures, poses = self._postures
+        distances = np.linalg.norm(poses[:, :3, 3] - goal[:3, 3], axis=1)
+        if has_orientation:
+            cosines = (np.einsum("nij,ij->n", poses[:, :3, :3], goal[:3, :3]) - 1.0) / 2.0
+            distances = distances + _ARM * np.arccos(np.clip(cosines, -1.0, 1.0))
+        for place in np.argsort(distances, kind="stable")[: attempts - 1]:
+            yield self._allowed(problem, np.where(problem.free, postures[place], problem.start))
+
+    @cached_property
+    def _postures(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Postures within the limits (rad, m), and their poses."""
+        chain = self.chain
+        generator = np.random.default_rng(0)
+        postures = generator.uniform(chain.minima, chain.maxima, (_POSTURES, len(chain)))
+        return postures * chain.internal, chain.pose(postures)
+
+    def _allowed(self, problem: _Problem, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the nearest positions within limits and constraints."""
+        step = self._step(problem, positions, np.eye(len(self.chain)), np.zeros(len(self.chain)))
+        if step is None:
+            raise RefusedError(f"{self.chain.name}: no posture is within its limits and its constraints")
+        moved: NDArray[np.float64] = np.clip(positions + step, problem.low, problem.high)
+        return moved
+
+    def _attempt(
+        self, problem: _Problem, positions: NDArray[np.float64], goal: NDArray[np.float64], scale: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return where the steps from allowed positions end (rad, m)."""
+        damping = _DAMPING
+        error, jacobian, cost = self._state(problem, positions, goal, scale)
+        for _ in range(_STEPS):
+            away = problem.squares * (positions - problem.rest)
+            hessian = jacobian.T @ jacobian + np.diag(problem.squares + damping)
+            step = self._step(problem, positions, hessian, away - jacobian.T @ error)
+            longest = 0.0 if step is None else float(np.abs(step).max())
+            if step is None or longest < _STUCK or damping > _GREATEST_DAMPING:
+                break
+            step = step * min(1.0, _LONGEST_STEP / longest)
+            moved = np.clip(positions + step, problem.low, problem.high)
+            state = self._state(problem, moved, goal, scale)
+            if state[2] >= cost:
+                damping = max(damping * _WORSE, _DAMPING)
+                continue
+            positions, (error, jacobian, cost) = moved, state
+            damping = max(damping * _BETTER, _LEAST_DAMPING)
+            if longest < _DONE and _met(error, scale):
+                break
+        return positions
+
+    def _state(
+        self, problem: _Problem, positions: NDArray[np.float64], goal: NDArray[np.float64], scale: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+        """Return weighted error and Jacobian at positions (rad, m), and the sum of squares that is to be least."""
+        pose, jacobian = self.chain.pose_and_jacobian(positions / self.chain.internal)
+        error = scale * _error(goal, pose, scale.size)
+        away = positions - problem.rest
+        cost = float(error @ error + problem.squares @ (away * away))
+        return error, scale[:, np.newaxis] * jacobian[: scale.size] * problem.free, cost
+
+    def _step(
+        self,
+        problem: _Problem,
+        positions: NDArray[np.float64],
+        hessian: NDArray[np.float64],
+        gradient: NDArray[np.float64],
+    ) -> NDArray[np.float64] | None:
+        """Return the step that makes a quadratic cost least, within limits and constraints; None if there is none."""
+        sums = problem.matrix @ positions
+        upper = np.concatenate([problem.high - positions, problem.upper - sums])
+        lower = np.concatenate([problem.low - positions, problem.lower - sums])
+        kinds = np.zeros(upper.size, dtype=np.int32)
+        step, _, flag, _ = self._daqp.solve(
+            hessian,
+            gradient,
+            problem.matrix,
+            np.minimum(upper, _UNBOUNDED),
+            np.maximum(lower, -_UNBOUNDED),
+            kinds,
+        )
+        return np.asarray(step, dtype=np.float64) if flag > 0 else None
+
+    def _solution(
+        self, positions: NDArray[np.float64], goal: NDArray[np.float64], has_orientation: bool, attempts: int
+    ) -> Solution:
+        pose = self.chain.pose(positions)
+        error = pose_error(goal, pose)
+        distance = float(np.linalg.norm(error[:3]))
+        angle = math.degrees(float(np.linalg.norm(error[3:]))) if has_orientation else 0.0
+        reached = distance <= POSITION_TOLERANCE and angle <= ORIENTATION_TOLERANCE
+        return Solution(positions, pose, distance, angle, reached, attempts)
+
+
+@dataclass(frozen=True, slots=True)
+class _Problem:
+    """What an attempt keeps to, in radians and metres, for all joints."""
+
+    free: NDArray[np.bool_]
+    start: NDArray[np.float64]
+    low: NDArray[np.float64]  # of a joint that is not free: its position
+    high: NDArray[np.float64]
+    matrix: NDArray[np.float64]  # of constraints
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    rest: NDArray[np.float64]
+    squares: NDArray[np.float64]  # of the weights of the rest posture
+
+
+@cache
+def _package() -> Any:  # it has no annotations
+    try:
+        return import_module("daqp")
+    except ImportError as error:
+        raise MissingPackageError(
+            f"inverse kinematics need the package daqp: pip install 'rtf[kinematics]' ({error})"
+        ) from error
+
+
+def _target(target: ArrayLike) -> tuple[NDArray[np.float64], bool]:
+    """Return the pose of a target, and whether it has an orientation."""
+    values = np.asarray(target, dtype=np.float64)
+    if values.shape == (POSITION,):
+        if not np.isfinite(values).all():
+            raise RefusedError(f"a position is three numbers, not {values.tolist()}")
+        return homogeneous(np.eye(3), values), False
+    return (pose_of(values) if values.ndim == 1 else checked_pose(values)), True
+
+
+def _error(goal: NDArray[np.float64], pose: NDArray[np.float64], size: int) -> NDArray[np.float64]:
+    return pose_error(goal, pose) if size > POSITION else goal[:3, 3] - pose[:3, 3]
+
+
+def _met(error: NDArray[np.float64], scale: NDArray[np.float64]) -> bool:
+    """Return whether a weighted error is well within what counts as reached."""
+    plain = np.abs(error / scale)
+    return bool(plain[:3].max() < POSITION_TOLERANCE / 4 and plain.max() < math.radians(ORIENTATION_TOLERANCE) / 4)
