@@ -7,11 +7,12 @@ BIN := .venv/bin
 # Processes for the tests: more than there are cores, for many tests wait, for an end or for a limit to pass.
 JOBS ?= $(shell echo $$(( $$(nproc 2>/dev/null || echo 2) * 2 )))
 
-.PHONY: demo test benchmark wheel format clean help
+.PHONY: demo test test-long benchmark wheel format clean help
 
 help:
 	@echo "make demo       install into .venv and run the demonstration"
 	@echo "make test       install into .venv, check style and types, and pass the tests"
+	@echo "make test-long  the tests that make test leaves out, because they repeat others at length; at night"
 	@echo "make benchmark  measure speed against pytest, in the same run"
 	@echo "make wheel      build the wheel into dist/"
 
@@ -20,13 +21,17 @@ demo: .venv/installed
 
 # A file goes to one process, for its tests share robots and programs; tests/conftest.py has the order. The tests start
 # thousands of processes, and where modules may not be kept compiled, each would compile them anew. What the processes of
-# pytest compile for themselves is compiled once before, while mypy leaves the other cores to whoever wants them.
+# pytest compile for themselves is compiled once before, while mypy leaves the other cores to others.
 test: .venv/installed-for-tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy & PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --collect-only -q > /dev/null || true; wait $$!
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 	@echo "TESTS PASSED  style, types and tests are in order"
+
+test-long: .venv/installed-for-tests
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -m long -n $(JOBS) --dist loadfile --no-loadscope-reorder
+	@echo "LONG TESTS PASSED"
 
 benchmark: .venv/installed-for-tests
 	$(BIN)/python tests/benchmarks/run_benchmarks.py

@@ -1,7 +1,7 @@
 """Keeps verdicts and measurements of a run in the station's history; ``testrunner history`` shows what became of them.
 
 The target is the SQLite file, or none for the user's own. Many runs share it, several at a time. A history that cannot
-be opened is an error before the run. One that cannot take the run in when it is over is told of on standard error and
+be opened is an error before the run. One that cannot take the run in when it is over is reported on standard error and
 changes no verdict: the journal has everything, and ``testrunner history --import`` takes the run in later.
 """
 

@@ -47,7 +47,6 @@ _LONGEST = (
     "pytest_plugin/test_xdist.py",
     "cli/test_robot.py",
     "testing/test_interrupts.py",
-    "icub_tests/test_stimuli.py",
     "browser/test_archived_page.py",
     "cli/test_robotinterface.py",
     "testing/test_cases.py",
@@ -61,12 +60,30 @@ _LONGEST = (
     "browser/test_hostile_texts.py",
     "fixtures/test_simulator.py",
     "cli/network/test_talking.py",
+)
+
+
+#: Files and folders of tests that repeat at length what others show, or that try the scripts of measurements.
+_LONG = (
+    "benchmarks/",
+    "icub_tests/test_same_seed.py",
+    "icub_tests/test_stimuli.py",
+    "icub_tests/test_yarp_4.py",
+    "torture/test_alone.py",
+    "torture/test_campaign_kills.py",
+    "torture/test_can_battery.py",
+    "torture/test_can_frames.py",
+    "torture/test_healthy_batteries.py",
     "torture/test_robot_lost.py",
 )
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Where several processes share the tests, file by file, put the files into the order in which they are begun."""
+    """Mark the long ones. Where several processes share the tests, file by file, put the files into an order."""
+    for item in items:
+        if item.path.relative_to(_HERE).as_posix().startswith(_LONG):
+            item.add_marker(pytest.mark.long)
     if hasattr(config, "workerinput"):
         items.sort(key=_turn)
 

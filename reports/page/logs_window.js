@@ -1,7 +1,7 @@
 // A window on a log: some thousand records of a file that may have millions, and the requests that move it.
 //
 // `items` are all wanted records with numbers above `low`, up to `high`. The server looks through a limited part of the
-// log at once, so a request may bring nothing and yet move an edge: whoever wants more asks again.
+// log at once, so a request may bring nothing and yet move an edge: a caller that wants more asks again.
 
 const STEP = 500; // records of a request
 const MOST = 5000; // records that are kept; beyond it those at the other end are dropped

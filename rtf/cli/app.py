@@ -339,12 +339,14 @@ def clean_up(application: Application, code: int) -> int:
 
 def stop(words: Sequence[str]) -> ExitCode:
     """Stop an application: its manager, if there is one, and its modules."""
-    return _end("stop", "Stop the modules of an application in reverse, whoever has started them.", words)
+    return _end(
+        "stop", "Stop the modules of an application in reverse, also those that another manager has started.", words
+    )
 
 
 def kill(words: Sequence[str]) -> ExitCode:
     """Kill the modules of an application, and its manager if there is one."""
-    return _end("kill", "Kill the modules of an application, whoever has started them.", words)
+    return _end("kill", "Kill the modules of an application, also those that another manager has started.", words)
 
 
 def _end(word: str, description: str, words: Sequence[str]) -> ExitCode:

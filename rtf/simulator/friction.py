@@ -10,7 +10,7 @@ harder than the friction (the elasto-plastic element of Prandtl, also known as D
 The torque of the drive is subtracted, so that it does not deflect the spring: otherwise a controlled joint would
 oscillate between two encoder ticks. The state is ``stiffness anchor``, and it slides so that the first line holds.
 
-So a joint at rest bears any load up to the friction without creeping; a moving one loses the friction times its path.
+So a joint at rest holds any load up to the friction without creeping; a moving one loses the friction times its path.
 
 The friction is greatest at rest, and falls with the speed (Stribeck's effect), by the form of Hess and Soom::
 

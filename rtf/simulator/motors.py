@@ -217,7 +217,7 @@ class Motors:
     def sensed(self, tick: int) -> FloatArray:
         """Return what healthy current sensors measure at a step (A): with noise, and before they count in steps.
 
-        The noise of a step is the same whoever asks, and how often.
+        The noise of a step is the same for every caller, however often it is asked for.
         """
         count = len(self.current)
         first = tick * count % _DRAWN

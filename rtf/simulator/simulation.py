@@ -232,7 +232,7 @@ class Simulation:
     def held_at_home(self) -> Iterator[None]:
         """Hold the robot at home and at rest, as a stand does, whatever its motors do, for as long as this lasts.
 
-        Controllers with an integral bear it afterwards, as those of a simulated robot do from its start.
+        Controllers with an integral hold it afterwards, as those of a simulated robot do from its start.
         """
 
         def hold(now: float) -> None:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from rtf.testing.results import RunResult
 
 #: Entry points are not loaded, so that the plug-in is there once, installed or not.
-ALONE = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "NO_COLOR": "1", "COLUMNS": "160"}
+ALONE = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "PYTEST_ADDOPTS": "", "NO_COLOR": "1", "COLUMNS": "160"}
 PLUGINS = ("-p", "rtf.pytest_plugin", "-p", "no:cacheprovider")
 
 #: A plug-in file with a class for most verdicts of a test; a parameter selects what a test does.

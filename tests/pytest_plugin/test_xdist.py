@@ -27,9 +27,9 @@ def records(folder: Path) -> dict[str, Verdict]:
     return found
 
 
-@pytest.mark.parametrize("mode", ["load", "loadgroup", "loadfile", "worksteal"])
+@pytest.mark.parametrize("mode", ["load", "loadfile"])
 def test_fixture_is_up_once_at_a_time(lab, mode):
-    """Suites with the same fixture wait for each other, in every mode of distribution."""
+    """Suites with the same fixture wait for each other, whether tests or files are distributed."""
     files = [lab.suite(FIXTURE + TESTS, name) for name in ("one", "two")]
     finished = lab.run(*files, "-p", "xdist", "-n", "2", "--dist", mode)
     assert finished.last_line.startswith("8 passed"), finished.out

@@ -1,7 +1,7 @@
 """The rates of connections: those that the kernel counts, all the time, and of others when they are asked for.
 
-Ports of YARP do not count their messages. The kernel counts what comes by TCP connections of this machine, whoever the
-programs are, and reading its counters costs no port anything. What it does not count is measured by reading the source
+Ports of YARP do not count their messages. The kernel counts what comes by TCP connections of this machine, of all
+programs, and reading its counters costs no port anything. What it does not count is measured by reading the source
 for a moment.
 """
 

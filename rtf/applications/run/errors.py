@@ -6,7 +6,7 @@ from rtf.errors import RtfError
 
 
 class RunError(RtfError):
-    """Something that a node was asked for cannot be done. The message names the node or the program, and the mend."""
+    """Something that a node was asked for cannot be done. The message names the node or the program, and what to do."""
 
 
 class RequestError(RunError, ValueError):

@@ -59,7 +59,7 @@ class Tail:
 
 
 class LineSender:
-    """Sends the lines of a child from a port, in a thread of its own: whoever reads them must not stop the child.
+    """Sends the lines of a child from a port, in a thread of its own: a slow reader must not stop the child.
 
     With a ``target``, such as the logger, the port is connected to it, and each line has the port's name before it, as
     those of YARP's own have; otherwise others connect. Lines wait, :data:`WAITING` bytes at most, until somebody reads.

@@ -59,7 +59,7 @@ _SIGNALS = range(1, signal.NSIG)
 _ENDINGS, _LAST = 256, 20
 #: The most lines of a running program in an answer; 4 KiB have at most so many.
 _MOST_LINES = 4096
-#: Seconds in which whoever asked the node to end reads the answer.
+#: Seconds in which the client that asked the node to end reads the answer.
 _FAREWELL = 1.0
 #: Seconds in which the last lines of programs are sent when the node has ended.
 _LAST_LINES = 2.0

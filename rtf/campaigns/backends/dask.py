@@ -176,7 +176,7 @@ def check_address(address: str, *, insecure: bool) -> None:
     if insecure or parts.scheme in (_ENCRYPTED, "inproc") or _is_loopback(parts.hostname or ""):
         return
     raise CampaignError(
-        f"{address}: the connection would not be encrypted, and whoever reaches it can run code on every worker; "
+        f"{address}: the connection would not be encrypted, and anyone who reaches it can run code on every worker; "
         "use tls:// with the files of 'rtf campaign certs', or --insecure on a network of your own"
     )
 

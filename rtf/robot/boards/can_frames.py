@@ -141,7 +141,7 @@ class CanFramesServer(StreamServer[Bottle]):
             raise RefusedError("a frame has an identifier and a blob")
         if not _is_question(Frame(identifier, data)):
             raise RefusedError(f"the frame {identifier:#05x} is no question; only questions are passed on")
-        if self.heard:  # whoever has just begun to read sees the question, too
+        if self.heard:  # a reader that has just begun sees the question, too
             self._watch()
         self._bus.send(Frame(identifier, data))
 

@@ -191,7 +191,7 @@ class RobotModel:
         return f"the thresholds of {self.name} are not validated for {tests}; {self.folder} says so" if tests else ""
 
     def contact_sensor(self, part: str) -> ForceTorque | None:
-        """Return the force-torque sensor that shows contacts of a part: one that bears a weight, on its chain.
+        """Return the force-torque sensor that shows contacts of a part: one that carries a weight, on its chain.
 
         The outermost of the parts that decide the direction of the weight is the one that the sensor is on.
         """
