@@ -149,7 +149,8 @@ def _resume(folder: Path) -> tuple[ExitCode, dict[str, Case]]:
     from rtf.cli import testrunner
     from rtf.robot_testing.proof import read_suites, shipped_cases
 
-    by_test = read_suites(folder, shipped_cases(others=True, limits=True))
+    # The fast subset has other parameters on the healthy robot.
+    by_test = read_suites(folder, [*shipped_cases(others=True, limits=True), *shipped_cases(fast=True)])
     return ExitCode(testrunner.main(["--resume", str(folder / "run")])), by_test
 
 
