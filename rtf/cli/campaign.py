@@ -103,7 +103,7 @@ def _print_plan(campaign: Campaign, most: int, state: Path) -> None:
         with CampaignStore(state) as store:
             done, means = store.counts().get(State.DONE, 0), store.means()
     origin = f"mean of the {done} that are done" if means else "assumed, as none is done"
-    robots = any(not robot.real for robot in campaign.file.robots)
+    robots = any(not robot.real for robot in campaign.file.robots) or campaign.file.design.kind == "claims"
     seconds, size = means or (_ROBOT_SECONDS if robots else _SECONDS, _BYTES)
     workers = _workers(campaign)
     adaptive = "at most " if campaign.file.design.kind == "sequential" else ""

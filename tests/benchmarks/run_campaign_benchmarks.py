@@ -185,7 +185,7 @@ def run_campaign(folder: Path, backend: Backend, runs: int) -> Taken:
         watch = Stopwatch()
         Conductor(campaign, make_design(campaign), store, backend).run()
         taken = watch.taken()
-        assert store.counts() == {State.DONE: runs}
+        assert store.counts() == {State.DONE: runs}, store.endings()[:1]
     for path in folder.glob("campaign.sqlite*"):
         path.unlink()
     return taken

@@ -7,12 +7,14 @@ a thread of its own, as one of a real cluster has, but no process of its own, fo
 from __future__ import annotations
 
 import asyncio
+import os
 import socket
 import subprocess
 import sys
 import zlib
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -74,7 +76,9 @@ def simulated_cluster(workers: int) -> Iterator[Cluster]:
         address = f"tcp://127.0.0.1:{probe.getsockname()[1]}"
     words = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", address, "--no-dashboard"]
     shares = [workers // _PROCESSES + (number < workers % _PROCESSES) for number in range(_PROCESSES)]
-    processes = [subprocess.Popen(words, stderr=subprocess.DEVNULL)]
+    places = [str(Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH")])]
+    knowing = {**os.environ, "PYTHONPATH": os.pathsep.join(places)}  # a scheduler imports what workers call
+    processes = [subprocess.Popen(words, stderr=subprocess.DEVNULL, env=knowing)]
     processes += [
         subprocess.Popen([sys.executable, __file__, address, str(share)], stderr=subprocess.DEVNULL)
         for share in shares

@@ -1,4 +1,4 @@
-"""The benchmark of campaigns: the memory of a client does not depend on the machine; the other figures do."""
+"""The benchmark of campaigns: the memory of a client does not depend on the machine; other figures are not judged."""
 
 from __future__ import annotations
 
@@ -24,3 +24,9 @@ def test_a_client_stays_small(benchmark, tmp_path: Path, capsys: pytest.CaptureF
     benchmark.measure_memory(tmp_path, 100)
     (size,) = re.findall(r"100 results: (\d+) MiB at most", capsys.readouterr().out)
     assert int(size) << 20 < benchmark.MEMORY
+
+
+def test_a_simulated_cluster_runs_a_campaign(benchmark, capsys: pytest.CaptureFixture[str]):
+    """Workers in two processes get runs from a scheduler, and the script says how well they are used."""
+    benchmark.measure_scaling(3, 6, 0.1)
+    assert "3 workers, 6 runs of 0.1 s" in capsys.readouterr().out

@@ -12,6 +12,7 @@ from __future__ import annotations
 import ipaddress
 from concurrent.futures import CancelledError
 from importlib import import_module
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
@@ -132,7 +133,9 @@ class DaskBackend(Backend):
         return self._dashboard
 
     def _find_dashboard(self) -> str:
-        """Return the address of the scheduler's page; empty without one."""
+        """Return the address of the scheduler's page; empty without one, as where Bokeh is missing here."""
+        if not self._given.address and find_spec("bokeh") is None:
+            return ""
         try:
             return web_address(str(self._client.dashboard_link))
         except (KeyError, OSError, ValueError, self._distributed.TimeoutError):
