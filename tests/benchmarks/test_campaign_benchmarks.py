@@ -26,6 +26,7 @@ def test_a_client_stays_small(benchmark, tmp_path: Path, capsys: pytest.CaptureF
     assert int(size) << 20 < benchmark.MEMORY
 
 
+@pytest.mark.long
 def test_a_simulated_cluster_runs_a_campaign(benchmark, capsys: pytest.CaptureFixture[str]):
     """Workers in two processes get runs from a scheduler, and the script says how well they are used."""
     benchmark.measure_scaling(3, 6, 0.1)
