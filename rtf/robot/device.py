@@ -62,6 +62,7 @@ SHIPPED: Mapping[str, str] = {
         canBusInertialMTB="CanInertial",
         canBusSkin="CanSkin",
     ),
+    "cartesiancontrollerclient": "rtf.robot.cartesian.client:CartesianClient",
     "icubCalibrator": "rtf.robot.devices.calibrator:BoardCalibrator",
     **_family(
         "rtf.robot.sensors.battery",

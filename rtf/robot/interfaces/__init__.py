@@ -10,6 +10,14 @@ joint that the device does not have), ``NotSupportedError`` (the device does not
 
 from rtf.robot.interfaces.axes import AxisSelection, FloatArray, IAxisInfo, JointType, Values, selected, values_for
 from rtf.robot.interfaces.calibration import CalibrationParameters, IControlCalibration, IRemoteCalibrator
+from rtf.robot.interfaces.cartesian import (
+    CartesianEvent,
+    CartesianPose,
+    CartesianPriority,
+    CartesianSolution,
+    EventObserver,
+    ICartesianControl,
+)
 from rtf.robot.interfaces.modes import IControlMode, IInteractionMode, IJointFault, modes_for
 from rtf.robot.interfaces.motion import (
     IControlLimits,
@@ -45,11 +53,17 @@ __all__ = [
     "BatteryStatus",
     "CalibrationParameters",
     "CameraFeature",
+    "CartesianEvent",
+    "CartesianPose",
+    "CartesianPriority",
+    "CartesianSolution",
+    "EventObserver",
     "FloatArray",
     "IAmplifierControl",
     "IAnalogSensor",
     "IAxisInfo",
     "IBattery",
+    "ICartesianControl",
     "IControlCalibration",
     "IControlLimits",
     "IControlMode",

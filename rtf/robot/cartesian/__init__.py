@@ -1,0 +1,1 @@
+"""Cartesian control through the network: requests, server and client."""
