@@ -72,6 +72,7 @@ _LONG = (
     "torture/test_alone.py",
     "torture/test_campaign_kills.py",
     "torture/test_can_battery.py",
+    "torture/test_can_drives.py",
     "torture/test_can_frames.py",
     "torture/test_healthy_batteries.py",
     "torture/test_robot_lost.py",

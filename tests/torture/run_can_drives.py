@@ -94,7 +94,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with tempfile.TemporaryDirectory() as temporary:
         folder = options.folder or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
-        found = _run(folder)
+        found = run(folder)
     bad = 0
     for case in CASES:
         problem = wrong(case, found.get(case.name, Outcome()))
@@ -104,17 +104,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return int(bool(bad))
 
 
-def _run(folder: Path) -> dict[str, Outcome]:
-    """Run all cases on one robot in a folder."""
+def run(folder: Path, cases: Sequence[Case] = CASES) -> dict[str, Outcome]:
+    """Run cases on one robot, in a folder that is there; return their outcomes by name."""
     suite = folder / "suite.xml"
-    suite.write_text(_SUITE.format(part=PART, tests="\n".join(_tests())))
+    suite.write_text(_SUITE.format(part=PART, tests="\n".join(_tests(cases))))
     command = [sys.executable, "-m", "rtf.cli.testrunner", str(suite), "--run-folder", str(folder / "run")]
     subprocess.run(command, stdout=subprocess.DEVNULL, check=False)
     return outcomes(folder / "run")
 
 
-def _tests() -> Iterator[str]:
-    for case in CASES:
+def _tests(cases: Sequence[Case]) -> Iterator[str]:
+    for case in cases:
         fault = _FAULT.format(case.fault) if case.fault else ""
         yield _TEST.format(name=case.name, part=PART, fault=fault, test=case.test)
 
