@@ -186,13 +186,13 @@ class Chain:
         Its product with the speeds of the joints (rad/s, m/s) is the velocity (m/s) of the origin of the tip, or of a
         link's frame, and the angular velocity (rad/s). Joints beyond that link have columns of zeros.
         """
-        values = self.checked(positions, batched=False)
-        last = self._last(link)
-        return self._pose_and_jacobian(values, last)[1]
+        return self.pose_and_jacobian(positions, link)[1]
 
-    def pose_and_jacobian(self, positions: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return pose and Jacobian of the tip at (joints,) positions."""
-        return self._pose_and_jacobian(self.checked(positions, batched=False), len(self))
+    def pose_and_jacobian(
+        self, positions: ArrayLike, link: int | None = None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return pose and Jacobian of the tip, or of a link's frame, at (joints,) positions."""
+        return self._pose_and_jacobian(self.checked(positions, batched=False), self._last(link))
 
     # Checks ----------------------------------------------------------------------------------------------------------
 

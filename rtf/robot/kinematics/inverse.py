@@ -48,6 +48,18 @@ _UNBOUNDED = 1e30
 
 
 @dataclass(frozen=True, slots=True)
+class PointPreference:
+    """A place to which the frame of a link, such as an elbow, is drawn beside the rest posture.
+
+    ``weights`` are those of the three axes; a metre counts as a radian of a joint with the full weight.
+    """
+
+    link: int
+    position: tuple[float, float, float]  # m, in the frame of the root
+    weights: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
 class Solution:
     """A posture, and how far its pose is from the target."""
 
@@ -86,6 +98,7 @@ class InverseKinematics:
         rest: ArrayLike | None = None,
         weights: ArrayLike | None = None,
         active: Sequence[bool] | None = None,
+        drawn: PointPreference | None = None,
         priority: Priority = "position",
         attempts: int = 6,
     ) -> Solution:
@@ -94,6 +107,7 @@ class InverseKinematics:
         ``target`` is a position (m), a vector of seven numbers, or a matrix. Attempts begin at ``start``, the present
         positions (deg, m) of all joints; joints that are not ``active`` stay there. ``rest`` are positions with
         ``weights``, of which only the ratio counts: a joint with the weight 0 is drawn to its start, with the weight 1.
+        A link is ``drawn`` to a place, such as an elbow downwards.
         ``priority`` says what is rather met of a pose out of reach.
 
         Raises RefusedError for lists of a wrong length, for numbers that are none, for an axis of no length, and if
@@ -104,7 +118,7 @@ class InverseKinematics:
         if priority not in _WEIGHTS:
             raise RefusedError(f"the priority is {' or '.join(_WEIGHTS)}, not {priority!r}")
         goal, has_orientation = _target(target)
-        problem = self._problem(start, rest, weights, active)
+        problem = self._problem(start, rest, weights, active, drawn)
         metre, radian = _WEIGHTS[priority]
         scale = np.array([metre] * 3 + [radian] * (3 if has_orientation else 0))
         best: Solution | None = None
@@ -123,7 +137,12 @@ class InverseKinematics:
     # Reading ---------------------------------------------------------------------------------------------------------
 
     def _problem(
-        self, start: ArrayLike, rest: ArrayLike | None, weights: ArrayLike | None, active: Sequence[bool] | None
+        self,
+        start: ArrayLike,
+        rest: ArrayLike | None,
+        weights: ArrayLike | None,
+        active: Sequence[bool] | None,
+        point: PointPreference | None = None,
     ) -> _Problem:
         chain = self.chain
         free = np.array([True] * len(chain) if active is None else list(active), dtype=np.bool_)
@@ -139,6 +158,8 @@ class InverseKinematics:
         aim = present if rest is None else chain.checked(rest, batched=False) * chain.internal
         aim = np.where(drawn > 0.0, np.clip(aim, low, high), present)
         drawn = np.where(drawn > 0.0, drawn, 1.0)
+        if point is not None and not np.isfinite([*point.position, *point.weights]).all():
+            raise RefusedError(f"{chain.name}: a place and its weights are finite numbers, not {point}")
         matrix, lower, upper = self._constraints(free)
         return _Problem(
             free=free,
@@ -150,6 +171,7 @@ class InverseKinematics:
             upper=upper,
             rest=aim,
             squares=np.maximum(drawn / drawn.max(), _LEAST_WEIGHT) ** 2,
+            point=point,
         )
 
     def _constraints(
@@ -221,12 +243,18 @@ class InverseKinematics:
     def _state(
         self, problem: _Problem, positions: NDArray[np.float64], goal: NDArray[np.float64], scale: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-        """Return weighted error and Jacobian at positions (rad, m), and the sum of squares that is to be least."""
+        """Return weighted errors and Jacobian at positions (rad, m), and the sum of squares that is to be least."""
         pose, jacobian = self.chain.pose_and_jacobian(positions / self.chain.internal)
         error = scale * _error(goal, pose, scale.size)
+        jacobian = scale[:, np.newaxis] * jacobian[: scale.size]
+        if problem.point is not None:
+            point, weights = problem.point, np.array(problem.point.weights)
+            frame, rows = self.chain.pose_and_jacobian(positions / self.chain.internal, point.link)
+            error = np.concatenate([error, weights * (point.position - frame[:3, 3])])
+            jacobian = np.vstack([jacobian, weights[:, np.newaxis] * rows[:3]])
         away = positions - problem.rest
         cost = float(error @ error + problem.squares @ (away * away))
-        return error, scale[:, np.newaxis] * jacobian[: scale.size] * problem.free, cost
+        return error, jacobian * problem.free, cost
 
     def _step(
         self,
@@ -274,6 +302,7 @@ class _Problem:
     upper: NDArray[np.float64]
     rest: NDArray[np.float64]
     squares: NDArray[np.float64]  # of the weights of the rest posture
+    point: PointPreference | None
 
 
 @cache
@@ -302,5 +331,5 @@ def _error(goal: NDArray[np.float64], pose: NDArray[np.float64], size: int) -> N
 
 def _met(error: NDArray[np.float64], scale: NDArray[np.float64]) -> bool:
     """Return whether a weighted error is well within what counts as reached."""
-    plain = np.abs(error / scale)
+    plain = np.abs(error[: scale.size] / scale)
     return bool(plain[:3].max() < POSITION_TOLERANCE / 4 and plain.max() < math.radians(ORIENTATION_TOLERANCE) / 4)

@@ -11,7 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rtf.robot.errors import RefusedError
-from rtf.robot.kinematics import Chain, ChainTables, InverseKinematics, LinearConstraint, Solution, inverse, vector_of
+from rtf.robot.kinematics import (
+    Chain,
+    ChainTables,
+    InverseKinematics,
+    LinearConstraint,
+    PointPreference,
+    Solution,
+    inverse,
+    vector_of,
+)
 from rtf.robot.kinematics.inverse import ORIENTATION_TOLERANCE, POSITION_TOLERANCE
 from rtf.robot.model import RobotModel
 from rtf.robot.model.errors import MissingPackageError
@@ -106,6 +115,18 @@ def test_the_rest_posture_decides(arm: Chain, arm_inverse: InverseKinematics):
     assert abs(still.positions[0]) < 10 < drawn.positions[0]
 
 
+def test_a_link_is_drawn_to_a_place(arm: Chain, arm_inverse: InverseKinematics):
+    """Among the postures of a pose, an elbow may be low or high, within the limits."""
+    pose, elbow = arm.pose([5, 0, 10, -50, 45, 20, 60, 0, 0, 0]), arm.index("l_shoulder_yaw")
+    heights = []
+    for height in (-3.0, 3.0):
+        drawn = PointPreference(elbow, (0.0, 0.0, height), (0.0, 0.0, 10.0))
+        solution = arm_inverse.solve(pose, START, drawn=drawn)
+        check(arm, solution)
+        heights.append(arm.frames(solution.positions)[elbow][2, 3])
+    assert heights[0] < heights[1] - 0.03
+
+
 def test_joints_that_are_not_active_stay(arm: Chain, arm_inverse: InverseKinematics):
     """They stay at the start to the last bit, and their constraints do not count."""
     active = [False] * 3 + [True] * 7
@@ -176,6 +197,8 @@ def test_slides(tables: ChainTables):
         ({"weights": [-1.0] * 10}, "weights of the rest posture are not negative"),
         ({"active": [True] * 3}, "has 10 joints, so active has as many values, not 3"),
         ({"active": [False] * 10}, "no joint is active"),
+        ({"drawn": PointPreference(10, (0.0, 0.0, -1.0))}, "has links 0 to 9, not 10"),
+        ({"drawn": PointPreference(5, (0.0, 0.0, math.nan))}, "a place and its weights are finite numbers"),
         ({"attempts": 0}, "the number of attempts is at least 1, not 0"),
         ({"priority": "speed"}, "the priority is position or orientation, not 'speed'"),
     ],
