@@ -9,6 +9,7 @@ eyes look, and what they see.
 from rtf.robot.kinematics.chain import Chain, LinearConstraint, Link
 from rtf.robot.kinematics.described import described_chain
 from rtf.robot.kinematics.eyes import Eyes
+from rtf.robot.kinematics.goals import LookAt
 from rtf.robot.kinematics.inverse import InverseKinematics, PointPreference, Priority, Solution
 from rtf.robot.kinematics.pinhole import Pinhole, triangulated
 from rtf.robot.kinematics.poses import axis_angle_of, pose_error, pose_of, rotation_of, vector_of
@@ -21,6 +22,7 @@ __all__ = [
     "InverseKinematics",
     "LinearConstraint",
     "Link",
+    "LookAt",
     "Pinhole",
     "PointPreference",
     "Priority",

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from rtf.robot.errors import RefusedError
-from rtf.robot.kinematics.poses import POSITION, checked_pose, homogeneous, pose_error, pose_of
+from rtf.robot.kinematics.goals import LookAt, goal_of
 from rtf.robot.model.errors import MissingPackageError
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from rtf.robot.kinematics.chain import Chain
+    from rtf.robot.kinematics.goals import Goal
 
 Priority = Literal["position", "orientation"]
 
@@ -42,8 +43,8 @@ _DONE = 1e-3  # rad, m: a step so short ends an attempt that has met its target
 _STUCK = 1e-7  # likewise, for any attempt
 #: Damping: at first, its least and greatest value, and factors after a step that is better and one that is worse.
 _DAMPING, _LEAST_DAMPING, _GREATEST_DAMPING, _BETTER, _WORSE = 1e-3, 1e-6, 1e7, 0.1, 10.0
-#: Postures from which attempts are repeated; the nearest ones by their tips. A radian counts as these metres.
-_POSTURES, _ARM = 400, 0.3
+#: Postures from which attempts are repeated; the nearest ones by their tips.
+_POSTURES = 400
 _UNBOUNDED = 1e30
 
 
@@ -66,7 +67,7 @@ class Solution:
     positions: NDArray[np.float64]  # deg, m, of all joints
     pose: NDArray[np.float64]  # (4, 4)
     position_error: float  # m
-    orientation_error: float  # deg; 0 for a target without an orientation
+    orientation_error: float  # deg; of a direction, its angle; 0 for a target without an orientation
     reached: bool  # within POSITION_TOLERANCE and ORIENTATION_TOLERANCE
     attempts: int
 
@@ -75,9 +76,9 @@ class Solution:
         """How far the target is out of reach; empty if it is reached."""
         if self.reached:
             return ""
-        said = f"the nearest pose is {self.position_error * 1e3:.3g} mm"
-        turned = f" and {self.orientation_error:.3g} deg" if self.orientation_error else ""
-        return f"{said}{turned} from the target"
+        errors = (self.position_error * 1e3, "mm"), (self.orientation_error, "deg")
+        said = " and ".join(f"{error:.3g} {unit}" for error, unit in errors if error)
+        return f"the nearest pose is {said} from the target"
 
 
 class InverseKinematics:
@@ -92,7 +93,7 @@ class InverseKinematics:
 
     def solve(
         self,
-        target: ArrayLike,
+        target: ArrayLike | LookAt,
         start: ArrayLike,
         *,
         rest: ArrayLike | None = None,
@@ -104,9 +105,10 @@ class InverseKinematics:
     ) -> Solution:
         """Return the posture that has a pose.
 
-        ``target`` is a position (m), a vector of seven numbers, or a matrix. Attempts begin at ``start``, the present
-        positions (deg, m) of all joints; joints that are not ``active`` stay there. ``rest`` are positions with
-        ``weights``, of which only the ratio counts: a joint with the weight 0 is drawn to its start, with the weight 1.
+        ``target`` is a position (m), a vector of seven numbers, a matrix, or a direction. Attempts begin at ``start``,
+        the present positions (deg, m) of all joints; joints that are not ``active`` stay there. ``rest`` are positions
+        with ``weights``, of which only the ratio counts: a joint with the weight 0 is drawn to its start, with the
+        weight 1.
         A link is ``drawn`` to a place, such as an elbow downwards.
         ``priority`` says what is rather met of a pose out of reach.
 
@@ -117,16 +119,14 @@ class InverseKinematics:
             raise RefusedError(f"the number of attempts is at least 1, not {attempts}")
         if priority not in _WEIGHTS:
             raise RefusedError(f"the priority is {' or '.join(_WEIGHTS)}, not {priority!r}")
-        goal, has_orientation = _target(target)
+        goal = goal_of(target, *_WEIGHTS[priority])
         problem = self._problem(start, rest, weights, active, drawn)
-        metre, radian = _WEIGHTS[priority]
-        scale = np.array([metre] * 3 + [radian] * (3 if has_orientation else 0))
         best: Solution | None = None
         least = math.inf
-        for number, posture in enumerate(self._starts(problem, goal, has_orientation, attempts), 1):
-            positions = self._attempt(problem, posture, goal, scale)
-            solution = self._solution(positions / self.chain.internal, goal, has_orientation, number)
-            size = float(np.linalg.norm(scale * _error(goal, solution.pose, scale.size)))
+        for number, posture in enumerate(self._starts(problem, goal, attempts), 1):
+            positions = self._attempt(problem, posture, goal)
+            solution = self._solution(positions / self.chain.internal, goal, number)
+            size = float(np.linalg.norm(goal.scale * goal.error(solution.pose)))
             if best is None or size < least:
                 best, least = solution, size
             if solution.reached:
@@ -186,16 +186,11 @@ class InverseKinematics:
 
     # Attempts --------------------------------------------------------------------------------------------------------
 
-    def _starts(
-        self, problem: _Problem, goal: NDArray[np.float64], has_orientation: bool, attempts: int
-    ) -> Iterator[NDArray[np.float64]]:
+    def _starts(self, problem: _Problem, goal: Goal, attempts: int) -> Iterator[NDArray[np.float64]]:
         """Yield where attempts begin: at the start, then at postures whose tips are near the target."""
         yield self._allowed(problem, problem.start)
         postures, poses = self._postures
-        distances = np.linalg.norm(poses[:, :3, 3] - goal[:3, 3], axis=1)
-        if has_orientation:
-            cosines = (np.einsum("nij,ij->n", poses[:, :3, :3], goal[:3, :3]) - 1.0) / 2.0
-            distances = distances + _ARM * np.arccos(np.clip(cosines, -1.0, 1.0))
+        distances = goal.distances(poses)
         for place in np.argsort(distances, kind="stable")[: attempts - 1]:
             yield self._allowed(problem, np.where(problem.free, postures[place], problem.start))
 
@@ -215,12 +210,10 @@ class InverseKinematics:
         moved: NDArray[np.float64] = np.clip(positions + step, problem.low, problem.high)
         return moved
 
-    def _attempt(
-        self, problem: _Problem, positions: NDArray[np.float64], goal: NDArray[np.float64], scale: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def _attempt(self, problem: _Problem, positions: NDArray[np.float64], goal: Goal) -> NDArray[np.float64]:
         """Return where the steps from allowed positions end (rad, m)."""
         damping = _DAMPING
-        error, jacobian, cost = self._state(problem, positions, goal, scale)
+        error, jacobian, cost = self._state(problem, positions, goal)
         for _ in range(_STEPS):
             away = problem.squares * (positions - problem.rest)
             hessian = jacobian.T @ jacobian + np.diag(problem.squares + damping)
@@ -230,23 +223,23 @@ class InverseKinematics:
                 break
             step = step * min(1.0, _LONGEST_STEP / longest)
             moved = np.clip(positions + step, problem.low, problem.high)
-            state = self._state(problem, moved, goal, scale)
+            state = self._state(problem, moved, goal)
             if state[2] >= cost:
                 damping = max(damping * _WORSE, _DAMPING)
                 continue
             positions, (error, jacobian, cost) = moved, state
             damping = max(damping * _BETTER, _LEAST_DAMPING)
-            if longest < _DONE and _met(error, scale):
+            if longest < _DONE and _met(error, goal.scale):
                 break
         return positions
 
     def _state(
-        self, problem: _Problem, positions: NDArray[np.float64], goal: NDArray[np.float64], scale: NDArray[np.float64]
+        self, problem: _Problem, positions: NDArray[np.float64], goal: Goal
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
         """Return weighted errors and Jacobian at positions (rad, m), and the sum of squares that is to be least."""
         pose, jacobian = self.chain.pose_and_jacobian(positions / self.chain.internal)
-        error = scale * _error(goal, pose, scale.size)
-        jacobian = scale[:, np.newaxis] * jacobian[: scale.size]
+        error = goal.scale * goal.error(pose)
+        jacobian = goal.scale[:, np.newaxis] * goal.jacobian(pose, jacobian)
         if problem.point is not None:
             point, weights = problem.point, np.array(problem.point.weights)
             frame, rows = self.chain.pose_and_jacobian(positions / self.chain.internal, point.link)
@@ -278,13 +271,9 @@ class InverseKinematics:
         )
         return np.asarray(step, dtype=np.float64) if flag > 0 else None
 
-    def _solution(
-        self, positions: NDArray[np.float64], goal: NDArray[np.float64], has_orientation: bool, attempts: int
-    ) -> Solution:
+    def _solution(self, positions: NDArray[np.float64], goal: Goal, attempts: int) -> Solution:
         pose = self.chain.pose(positions)
-        error = pose_error(goal, pose)
-        distance = float(np.linalg.norm(error[:3]))
-        angle = math.degrees(float(np.linalg.norm(error[3:]))) if has_orientation else 0.0
+        distance, angle = goal.missed(pose)
         reached = distance <= POSITION_TOLERANCE and angle <= ORIENTATION_TOLERANCE
         return Solution(positions, pose, distance, angle, reached, attempts)
 
@@ -315,21 +304,7 @@ def _package() -> Any:  # it has no annotations
         ) from error
 
 
-def _target(target: ArrayLike) -> tuple[NDArray[np.float64], bool]:
-    """Return the pose of a target, and whether it has an orientation."""
-    values = np.asarray(target, dtype=np.float64)
-    if values.shape == (POSITION,):
-        if not np.isfinite(values).all():
-            raise RefusedError(f"a position is three numbers, not {values.tolist()}")
-        return homogeneous(np.eye(3), values), False
-    return (pose_of(values) if values.ndim == 1 else checked_pose(values)), True
-
-
-def _error(goal: NDArray[np.float64], pose: NDArray[np.float64], size: int) -> NDArray[np.float64]:
-    return pose_error(goal, pose) if size > POSITION else goal[:3, 3] - pose[:3, 3]
-
-
 def _met(error: NDArray[np.float64], scale: NDArray[np.float64]) -> bool:
-    """Return whether a weighted error is well within what counts as reached."""
+    """Return whether a weighted error is well within what counts as reached; a radian of a direction as a metre."""
     plain = np.abs(error[: scale.size] / scale)
     return bool(plain[:3].max() < POSITION_TOLERANCE / 4 and plain.max() < math.radians(ORIENTATION_TOLERANCE) / 4)
