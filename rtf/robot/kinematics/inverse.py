@@ -9,7 +9,7 @@ A target out of reach has the nearest pose, and the solution says by how much.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
@@ -37,6 +37,8 @@ POSITION_TOLERANCE, ORIENTATION_TOLERANCE = 1e-4, 0.1
 _WEIGHTS: dict[Priority, tuple[float, float]] = {"position": (3000.0, 300.0), "orientation": (300.0, 3000.0)}
 #: The least weight of a rest posture, a share of the greatest: a joint that nothing else holds stays where it is.
 _LEAST_WEIGHT = 1e-3
+#: Times the tolerance: what misses its target by less is solved again without its rest posture.
+_NEAR = 10.0
 _STEPS = 50
 _LONGEST_STEP = 0.6  # rad, m
 _DONE = 1e-3  # rad, m: a step so short ends an attempt that has met its target
@@ -70,6 +72,12 @@ class Solution:
     orientation_error: float  # deg; of a direction, its angle; 0 for a target without an orientation
     reached: bool  # within POSITION_TOLERANCE and ORIENTATION_TOLERANCE
     attempts: int
+
+    @property
+    def near(self) -> bool:
+        """Whether the target is missed by less than ten times of what counts as reached."""
+        near = self.position_error < _NEAR * POSITION_TOLERANCE
+        return near and self.orientation_error < _NEAR * ORIENTATION_TOLERANCE
 
     @property
     def problem(self) -> str:
@@ -126,6 +134,9 @@ class InverseKinematics:
         for number, posture in enumerate(self._starts(problem, goal, attempts), 1):
             positions = self._attempt(problem, posture, goal)
             solution = self._solution(positions / self.chain.internal, goal, number)
+            if not solution.reached and solution.near:  # the rest posture has kept it from its target
+                positions = self._attempt(replace(problem, rest=positions, point=None), positions, goal)
+                solution = self._solution(positions / self.chain.internal, goal, number)
             size = float(np.linalg.norm(goal.scale * goal.error(solution.pose)))
             if best is None or size < least:
                 best, least = solution, size
