@@ -58,6 +58,7 @@ def list_robots(words: Sequence[str]) -> int:
 @_told
 def check_robot(words: Sequence[str]) -> int:
     """Read a robot, build it, and report what is wrong or assumed; 1 if a robot like this could not be tested."""
+    from rtf.robot.kinematics.tables import CHAINS_FILE, robot_chains
     from rtf.robot.model import load_robot
     from rtf.robot_testing.thresholds import wrong_thresholds
     from rtf.simulator.plant import Options, build
@@ -78,6 +79,10 @@ def check_robot(words: Sequence[str]) -> int:
     _print_coverage(robot, _suites(robot)[0])
     for name, patch in robot.sensors.skin.items():
         covered_shape(name, patch, plant)
+    if (robot.folder / CHAINS_FILE).is_file():
+        tables = robot_chains(robot)
+        chains = (f"{name} ({', '.join(tables.versions(name))})" for name in tables.names)
+        print(f"tables of chains: {', '.join(chains)}")
     problems = [*problems_of(plant), *wrong_thresholds(robot)]
     for sentence in robot.assumed:
         print(f"assumed: {sentence}")

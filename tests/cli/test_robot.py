@@ -42,6 +42,7 @@ def test_the_shipped_robots_are_listed_and_in_order(tmp_path: Path):
         checked = robot(tmp_path, "check", name)
         assert checked.returncode == 0, checked.stdout + checked.stderr
         assert f"IN ORDER  {name}: {joints} joints" in checked.stdout
+        assert ("tables of chains: left_arm (1.0, 1.7, 2.0, 3.0), " in checked.stdout) == (name == "icub")
 
 
 def test_a_picture_is_drawn(tmp_path: Path):
