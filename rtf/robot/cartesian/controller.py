@@ -1,0 +1,507 @@
+"""The Cartesian controller: moves the tip of a chain whose joints are those of a board.
+
+A target goes to the inverse kinematics, whose posture :class:`~rtf.robot.controllers.cartesian.CartesianMotion` leads
+the joints to, by direct positions in every period. A motion is done when planned and measured tip are within the
+tolerance of the posture's pose; so a target out of reach has an end, too, at the nearest pose.
+
+Left out: feedback by the setpoints of the board, and streamed velocities of boards without direct positions.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtf import clock
+from rtf.bottle import Bottle, as_float, as_list, as_string
+from rtf.robot.control_modes import ControlMode
+from rtf.robot.controllers.cartesian import STRAIGHTNESS, CartesianMotion
+from rtf.robot.errors import RefusedError
+from rtf.robot.interfaces import IControlLimits, IControlMode, IEncoders, IPositionDirect
+from rtf.robot.interfaces.cartesian import CartesianEvent, CartesianPose, CartesianSolution, ICartesianControl
+from rtf.robot.kinematics import InverseKinematics, PointPreference, pose_of, rotation_of, vector_of
+from rtf.robot.kinematics.poses import homogeneous
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Sequence
+
+    from rtf.robot.device import Device
+    from rtf.robot.interfaces.axes import FloatArray, Values
+    from rtf.robot.interfaces.cartesian import CartesianPriority, EventObserver
+    from rtf.robot.kinematics import Chain, Solution
+
+#: A trajectory takes at least so many periods.
+_SHORTEST = 10
+#: Periods between two targets of a streamed velocity, and between two looks at the modes of the joints.
+_STREAMED, _LOOK = 4, 10
+#: A pose is kept by tracking: it is solved again when another joint of the chain has moved by this (deg, m).
+_MOVED = 1.0
+_POSITION, _POSE = 3, 7
+_BROKEN = frozenset({ControlMode.HARDWARE_FAULT, ControlMode.IDLE, ControlMode.NOT_CONFIGURED})
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What a context stores."""
+
+    active: tuple[bool, ...]
+    rest: tuple[float, ...]  # deg
+    weights: tuple[float, ...]
+    limits: tuple[tuple[float, float], ...]  # deg
+    tip: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+    duration: float = 2.0  # s
+    tolerance: float = 0.01  # m and rad
+    tracking: bool = False
+    priority: CartesianPriority = "position"
+    straightness: float = STRAIGHTNESS
+
+
+class CartesianController(ICartesianControl):
+    """A controller of a board whose axes are the joints of a chain, in its order (see ``controlboardremapper``).
+
+    ``active`` joints take part in motions at first; those ``together`` are only switched together. ``elbow`` is a place
+    to which a link is drawn. ``publish`` is called every ``period`` (s), with the robot's time; all other methods in
+    any thread. Errors of the board are passed on, and end a motion.
+    """
+
+    def __init__(
+        self,
+        board: Device,
+        chain: Chain,
+        *,
+        active: Sequence[bool] | None = None,
+        together: Collection[str] = (),
+        elbow: PointPreference | None = None,
+        period: float = 0.01,
+        info: Sequence[tuple[str, str]] = (),
+    ) -> None:
+        self.period = period
+        self._encoders = board.view(IEncoders)  # type: ignore[type-abstract]  # it is only looked for
+        self._modes = board.view(IControlMode)  # type: ignore[type-abstract]  # it is only looked for
+        self._direct = board.view(IPositionDirect)  # type: ignore[type-abstract]  # it is only looked for
+        limits = board.view(IControlLimits)  # type: ignore[type-abstract]  # it is only looked for
+        self._board_limits = tuple(limits.limits(joint) for joint in range(len(chain)))
+        self._chain = chain.limited(dict(zip(chain.joints, self._board_limits, strict=True)))
+        self._together = [chain.index(joint) for joint in together]
+        self._elbow = elbow
+        self._info = info
+        count = len(chain)
+        rest = np.clip(np.zeros(count), self._chain.minima, self._chain.maxima)
+        chosen = tuple(active) if active is not None else (True,) * count
+        self._settings = Settings(chosen, tuple(rest.tolist()), (0.0,) * count, self._board_limits)
+        self._contexts = {0: self._settings}
+        self._next = 1
+        self._lock = threading.RLock()
+        self._observers: tuple[EventObserver, ...] = ()
+        self._shares: list[float] = []
+        self._target: FloatArray | None = None  # the pose, or the position, that is being reached
+        self._motion: CartesianMotion | None = None
+        self._solution: Solution | None = None
+        self._moving, self._done = False, True
+        self._began: FloatArray = np.zeros(count)  # deg, of the active joints
+        self._blocked: FloatArray = np.zeros(count)  # deg, when it was solved
+        self._passed: list[float] = []  # checkpoints of this motion that are still to come
+        self._velocity: FloatArray | None = None
+        self._virtual: FloatArray = np.eye(4)  # the target of a streamed velocity
+        self._periods = 0
+
+    # Motions ---------------------------------------------------------------------------------------------------------
+
+    def go_to(self, target: Values, duration: float | None = None) -> None:
+        with self._lock:
+            if duration is not None and duration > 0.0:
+                self.set_trajectory_time(duration)
+            self._velocity = None
+            self._reach(np.atleast_1d(np.asarray(target, dtype=np.float64)))
+
+    def stream_target(self, target: Values, duration: float | None = None) -> None:
+        self.go_to(target, duration)
+
+    def stream_velocity(self, velocity: Values) -> None:
+        values = np.atleast_1d(np.asarray(velocity, dtype=np.float64))
+        if values.shape != (_POSE,) or not np.isfinite(values).all():
+            raise RefusedError(f"a velocity has seven numbers, not {values.tolist()}")
+        with self._lock:
+            if not values[:3].any() and values[6] == 0.0:
+                self._velocity = None
+                return
+            if self._velocity is None:
+                self._virtual = self._present_pose()
+            self._velocity, self._done = values, False
+
+    def stop(self) -> None:
+        with self._lock:
+            happened = self._end(clock.current().now())
+        self._tell(happened)
+
+    def motion_done(self) -> bool:
+        with self._lock:
+            return self._done
+
+    def ask(self, target: Values, start: Values | None = None) -> CartesianSolution:
+        with self._lock:
+            present = self._encoders.encoders()
+            if start is not None:
+                given = np.atleast_1d(np.asarray(start, dtype=np.float64))
+                places = self._active_places()
+                if given.size != len(places):
+                    raise RefusedError(
+                        f"{len(places)} joints are active, so a start has as many values, not {given.size}"
+                    )
+                present = present.copy()
+                present[places] = given
+            found = self._solve(np.atleast_1d(np.asarray(target, dtype=np.float64)), present, attempts=6)
+        return CartesianSolution(vector_of(found.pose), found.positions)
+
+    def _reach(self, target: FloatArray, attempts: int = 3) -> None:
+        """Begin a motion, or lead the present one elsewhere."""
+        places = self._active_places()
+        if not places:
+            raise RefusedError(f"{self._chain.name}: no joint is active")
+        self._check(places)
+        measured = self._encoders.encoders()
+        start = measured.copy()
+        if self._moving and self._motion is not None:
+            start[places] = self._motion.planned
+        found = self._solve(target, start, attempts=attempts)
+        events = []
+        if not self._moving:
+            self._motion = CartesianMotion(
+                self._active_chain(measured),
+                period=self.period,
+                duration=self._settings.duration,
+                straightness=self._settings.straightness,
+            )
+            self._motion.reset(measured[places])
+            self._direct_mode(places)
+            self._moving = True
+            events.append(CartesianEvent("motion-onset", clock.current().now()))
+        assert self._motion is not None
+        self._motion.duration = self._settings.duration
+        self._motion.begin(found.positions[places], has_orientation=target.size > _POSITION)
+        self._target, self._solution, self._done = target, found, False
+        self._began, self._blocked = self._motion.planned, measured
+        self._passed = sorted(self._shares)
+        self._tell(events)
+
+    def _solve(self, target: FloatArray, start: FloatArray, *, attempts: int) -> Solution:
+        settings = self._settings
+        limits = dict(zip(self._chain.joints, settings.limits, strict=True))
+        inverse = InverseKinematics(self._tipped(self._chain.limited(limits)))
+        return inverse.solve(
+            target,
+            start,
+            rest=settings.rest,
+            weights=settings.weights,
+            active=settings.active,
+            drawn=self._elbow,
+            priority=settings.priority,
+            attempts=attempts,
+        )
+
+    def _tipped(self, chain: Chain) -> Chain:
+        return chain.with_tip(chain.tip @ pose_of(self._settings.tip))
+
+    def _active_places(self) -> list[int]:
+        return [place for place, chosen in enumerate(self._settings.active) if chosen]
+
+    def _active_chain(self, measured: FloatArray) -> Chain:
+        """The chain of the active joints; the others are where they have been measured."""
+        chain = self._tipped(self._chain)
+        others = [place for place, chosen in enumerate(self._settings.active) if not chosen]
+        return chain.blocked({chain.joints[place]: float(measured[place]) for place in others})
+
+    def _check(self, places: Sequence[int]) -> None:
+        """Refuse joints that cannot move."""
+        broken = [
+            f"{self._chain.joints[place]} is in mode {mode.name}"
+            for place, mode in zip(places, self._modes.control_modes(places), strict=True)
+            if mode in _BROKEN
+        ]
+        if broken:
+            raise RefusedError(f"{'; '.join(broken)}: the chain is not moved")
+
+    def _direct_mode(self, places: Sequence[int]) -> None:
+        modes = self._modes.control_modes(places)
+        others = [place for place, mode in zip(places, modes, strict=True) if mode is not ControlMode.POSITION_DIRECT]
+        if others:
+            self._modes.set_control_modes(ControlMode.POSITION_DIRECT, others)
+
+    # A period --------------------------------------------------------------------------------------------------------
+
+    def publish(self, now: float) -> None:
+        """Do what a period needs, at the robot's time. Raises RobotError, and a motion ends, for boards that fail."""
+        with self._lock:
+            try:
+                events = self._step(now)
+            except RefusedError as error:
+                events = self._end(now)
+                self._tell(events)
+                raise RefusedError(f"the motion was ended: {error}") from error
+        self._tell(events)
+
+    def _step(self, now: float) -> list[CartesianEvent]:
+        self._periods += 1
+        if self._velocity is not None and self._periods % _STREAMED == 0:
+            self._advance(self._velocity, _STREAMED * self.period)
+        elif self._settings.tracking and self._target is not None and self._velocity is None:
+            self._keep()
+        if not self._moving:
+            return []
+        assert self._motion is not None
+        places = self._active_places()
+        if self._periods % _LOOK == 0:
+            self._check(places)
+        self._direct.set_positions(self._motion.step(), places)
+        share = self._motion.share(self._began)
+        events = [CartesianEvent("motion-ongoing", now, one) for one in self._passed if one <= share]
+        self._passed = self._passed[len(events) :]
+        if self._velocity is None and self._motion.done(self._encoders.encoders()[places], self._settings.tolerance):
+            events += [CartesianEvent("motion-ongoing", now, one) for one in self._passed]
+            events += self._end(now, keep=self._settings.tracking)
+        return events
+
+    def _advance(self, velocity: FloatArray, seconds: float) -> None:
+        """Lead a virtual target with a velocity, and reach for it."""
+        turn = rotation_of(velocity[3:6], float(velocity[6]) * seconds) if velocity[6] else np.eye(3)
+        place = self._virtual[:3, 3] + velocity[:3] * seconds
+        self._virtual = homogeneous(turn @ self._virtual[:3, :3], place)
+        self._reach(vector_of(self._virtual), attempts=1)
+
+    def _keep(self) -> None:
+        """Reach for the target again, when joints that do not take part have moved."""
+        assert self._target is not None
+        others = [place for place, chosen in enumerate(self._settings.active) if not chosen]
+        moved = self._encoders.encoders()[others] - self._blocked[others]
+        if others and float(np.linalg.norm(moved)) > _MOVED:
+            self._moving = False  # a chain with other blocked joints
+            self._reach(self._target, attempts=1)
+
+    def _end(self, now: float, *, keep: bool = False) -> list[CartesianEvent]:
+        """End a motion; the joints hold what they were told last."""
+        self._velocity, self._done = None, True
+        if not keep:
+            self._target = None
+        was, self._moving = self._moving, False
+        return [CartesianEvent("motion-done", now)] if was else []
+
+    def _tell(self, events: Sequence[CartesianEvent]) -> None:
+        for event in events:
+            for observer in self._observers:
+                observer(event)
+
+    # State -----------------------------------------------------------------------------------------------------------
+
+    def pose(self, link: int | None = None) -> CartesianPose:
+        positions, times = self._encoders.encoders(), self._encoders.encoder_times()
+        chain = self._tipped(self._chain)
+        if link is not None and not 0 <= link < len(chain):
+            raise RefusedError(f"{chain.name} has links 0 to {len(chain) - 1}, not {link}")
+        pose = chain.pose(positions) if link is None else chain.frames(positions)[link]
+        return CartesianPose(vector_of(pose), float(np.max(times)))
+
+    def _present_pose(self) -> FloatArray:
+        return self._tipped(self._chain).pose(self._encoders.encoders())
+
+    def desired(self) -> CartesianSolution:
+        with self._lock:
+            if self._solution is None:
+                return CartesianSolution(vector_of(self._present_pose()), self._encoders.encoders())
+            return CartesianSolution(vector_of(self._solution.pose), self._solution.positions)
+
+    def joint_velocities(self) -> FloatArray:
+        with self._lock:
+            moving = self._motion is not None and self._moving
+            return self._motion.speeds if self._motion is not None and moving else np.zeros(len(self._active_places()))
+
+    def task_velocity(self) -> FloatArray:
+        with self._lock:
+            if self._motion is None or not self._moving:
+                return np.zeros(_POSE)
+            chain = self._motion.chain
+            rates = chain.jacobian(self._motion.planned) @ (self._motion.speeds * chain.internal)
+        speed = float(np.linalg.norm(rates[3:]))
+        axis = rates[3:] / speed if speed else np.array([0.0, 0.0, 1.0])
+        return np.concatenate([rates[:3], axis, [speed]])
+
+    def solver_connected(self) -> bool:
+        return True
+
+    def info(self) -> Bottle:
+        events = Bottle(["motion-onset", "motion-done", "motion-ongoing", "closing", "*"])
+        return Bottle([*(Bottle([key, value]) for key, value in self._info), Bottle(["events", events])])
+
+    # Settings --------------------------------------------------------------------------------------------------------
+
+    def _change(self, **changes: object) -> None:
+        with self._lock:
+            self._settings = replace(self._settings, **changes)  # type: ignore[arg-type] # names of members
+
+    def trajectory_time(self) -> float:
+        return self._settings.duration
+
+    def set_trajectory_time(self, duration: float) -> None:
+        self._change(duration=max(_finite(duration), _SHORTEST * self.period))
+
+    def tolerance(self) -> float:
+        return self._settings.tolerance
+
+    def set_tolerance(self, tolerance: float) -> None:
+        self._change(tolerance=_finite(tolerance))
+
+    def tracking(self) -> bool:
+        return self._settings.tracking
+
+    def set_tracking(self, tracking: bool) -> None:
+        self._change(tracking=tracking)
+
+    def reference_feedback(self) -> bool:
+        return False
+
+    def set_reference_feedback(self, feedback: bool) -> None:
+        if feedback:
+            raise RefusedError("the setpoints of the board are not used as feedback")
+
+    def priority(self) -> CartesianPriority:
+        return self._settings.priority
+
+    def set_priority(self, priority: CartesianPriority) -> None:
+        if priority not in ("position", "orientation"):
+            raise RefusedError(f"the priority is position or orientation, not {priority!r}")
+        self._change(priority=priority)
+
+    def active_joints(self) -> tuple[bool, ...]:
+        return self._settings.active
+
+    def set_active_joints(self, active: Sequence[bool | None]) -> tuple[bool, ...]:
+        with self._lock:
+            present = self._settings.active
+            if len(active) > len(present):
+                raise RefusedError(f"{self._chain.name} has {len(present)} joints, not {len(active)}")
+            chosen = [old if new is None else new for old, new in zip(present, active, strict=False)]
+            chosen += present[len(active) :]
+            if len({chosen[place] for place in self._together}) > 1:
+                for place in self._together:
+                    chosen[place] = present[place]
+            happened = self._end(clock.current().now())
+            self._change(active=tuple(chosen))
+        self._tell(happened)
+        return tuple(chosen)
+
+    def rest_posture(self) -> FloatArray:
+        return np.array(self._settings.rest)
+
+    def set_rest_posture(self, posture: Values) -> FloatArray:
+        given = self._first(posture, self._settings.rest)
+        low, high = np.array(self._settings.limits).T
+        self._change(rest=tuple(np.clip(given, low, high).tolist()))
+        return self.rest_posture()
+
+    def rest_weights(self) -> FloatArray:
+        return np.array(self._settings.weights)
+
+    def set_rest_weights(self, weights: Values) -> FloatArray:
+        given = self._first(weights, self._settings.weights)
+        self._change(weights=tuple(np.maximum(given, 0.0).tolist()))
+        return self.rest_weights()
+
+    def _first(self, values: Values, present: Sequence[float]) -> FloatArray:
+        """Return the present values, the first of them changed."""
+        given = np.atleast_1d(np.asarray(values, dtype=np.float64))
+        if given.ndim != 1 or given.size > len(present) or not np.isfinite(given).all():
+            raise RefusedError(
+                f"{self._chain.name} has {len(present)} joints: {given.tolist()} are not values of these"
+            )
+        return np.concatenate([given, present[given.size :]])
+
+    def limits(self, joint: int) -> tuple[float, float]:
+        return self._settings.limits[self._joint(joint)]
+
+    def set_limits(self, joint: int, minimum: float, maximum: float) -> None:
+        low, high = self._board_limits[self._joint(joint)]
+        if not low <= minimum <= maximum <= high:
+            name = self._chain.joints[joint]
+            raise RefusedError(f"limits of {name} lie within {low:g} and {high:g}, not {minimum:g} and {maximum:g}")
+        with self._lock:
+            limits = list(self._settings.limits)
+            limits[joint] = (float(minimum), float(maximum))
+            self._change(limits=tuple(limits))
+
+    def _joint(self, joint: int) -> int:
+        if not 0 <= joint < len(self._chain):
+            raise RefusedError(f"{self._chain.name} has joints 0 to {len(self._chain) - 1}, not {joint}")
+        return joint
+
+    def tip(self) -> FloatArray:
+        return np.array(self._settings.tip)
+
+    def set_tip(self, tip: Values) -> None:
+        values = np.atleast_1d(np.asarray(tip, dtype=np.float64))
+        self._change(tip=tuple(vector_of(pose_of(values)).tolist()))
+
+    def tweaks(self) -> Bottle:
+        return Bottle([Bottle(["straightness", self._settings.straightness])])
+
+    def set_tweaks(self, tweaks: Bottle) -> None:
+        for one in tweaks:
+            pair = as_list(one)
+            if pair is None or len(pair) < 2 or as_string(pair[0]) != "straightness":  # noqa: PLR2004 - key, value
+                raise RefusedError(f"a tweak is (straightness VALUE), not {Bottle([one]).to_text()}")
+            self._change(straightness=max(0.0, _finite(as_float(pair[1]))))
+
+    # Contexts --------------------------------------------------------------------------------------------------------
+
+    def store_context(self) -> int:
+        with self._lock:
+            number, self._next = self._next, self._next + 1
+            self._contexts[number] = self._settings
+            return number
+
+    def restore_context(self, context: int) -> None:
+        with self._lock:
+            if context not in self._contexts:
+                raise RefusedError(f"there is no context {context}")
+            happened = self._end(clock.current().now())
+            self._settings = self._contexts[context]
+        self._tell(happened)
+
+    def delete_contexts(self, contexts: Sequence[int]) -> None:
+        with self._lock:
+            for context in contexts:
+                if context:
+                    self._contexts.pop(context, None)
+
+    # Events ----------------------------------------------------------------------------------------------------------
+
+    def add_checkpoint(self, share: float) -> None:
+        if not 0.0 <= share <= 1.0:
+            raise RefusedError(f"a checkpoint is a share of the way, 0 to 1, not {share}")
+        with self._lock:
+            self._shares.append(share)
+
+    def remove_checkpoint(self, share: float) -> None:
+        with self._lock:
+            if share not in self._shares:
+                raise RefusedError(f"there is no checkpoint at {share}")
+            self._shares.remove(share)
+
+    def checkpoints(self) -> FloatArray:
+        return np.array(self._shares)
+
+    def observe_events(self, observer: EventObserver) -> None:
+        with self._lock:
+            self._observers = (*self._observers, observer)
+
+    def unobserve_events(self, observer: EventObserver) -> None:
+        with self._lock:
+            self._observers = tuple(one for one in self._observers if one != observer)
+
+
+def _finite(value: float) -> float:
+    if not math.isfinite(value):
+        raise RefusedError(f"{value} is not a finite number")
+    return float(value)
