@@ -28,7 +28,7 @@ exit codes:
 
 def can_boards(words: Sequence[str]) -> int:
     """Run emulated boards until a signal ends them; return the exit code."""
-    from rtf.robot.devices.can.bus_settings import MULTICAST, MULTICAST_GROUP, MULTICAST_PORT
+    from rtf.robot.devices.can.bus_settings import GROUPS, MULTICAST, MULTICAST_GROUP, MULTICAST_PORT
     from rtf.robot.model import load_robot
     from rtf.simulator.firmware.program import BoardsProgram, run_boards, write_files
 
@@ -59,7 +59,7 @@ def can_boards(words: Sequence[str]) -> int:
         help="its channel; {} is replaced by the number of the bus (default: %(default)s, one port a bus)",
     )
     parser.add_argument(
-        "--port", type=count, default=MULTICAST_PORT, help="udp_multicast: port of the first bus (default: %(default)s)"
+        "--port", type=count, default=MULTICAST_PORT, help="of the first bus in datagrams (default: %(default)s)"
     )
     parser.add_argument("--seed", type=count, default=0, help="of the random numbers (default: 0)")
     parser.add_argument("--unit", type=count, default=0, help="robot of the population (default: 0, the nominal one)")
@@ -70,7 +70,7 @@ def can_boards(words: Sequence[str]) -> int:
         help="only write the configuration of their drivers for 'rtf robotinterface' to a folder",
     )
     options = parser.parse_args(words)
-    if options.interface != MULTICAST and "{}" not in options.channel:
+    if options.interface not in GROUPS and "{}" not in options.channel:
         parser.error("argument --channel: write {} where the number of the bus belongs, such as can{}")
     model = load_robot(options.model)
     for name, chosen in (("parts", options.parts), ("drives", options.drives)):

@@ -29,7 +29,7 @@ def bus_parser(word: str, description: str, example: str) -> Parser:
     )
     group.add_argument("--channel", help="its channel, such as can0 (default: the group of udp_multicast)")
     group.add_argument("--bitrate", type=count, default=BITRATE, help="bit/s (default: %(default)s)")
-    group.add_argument("--port", type=port, help="udp_multicast: the port of the bus (default: 43113)")
+    group.add_argument("--port", type=port, help="udp_multicast, datagrams: the port of the bus (default: 43113)")
     group.add_argument(
         "--option", metavar="NAME=VALUE", type=key_value, action="append", default=[], help="of the interface"
     )
@@ -38,14 +38,14 @@ def bus_parser(word: str, description: str, example: str) -> Parser:
 
 def settings_of(parser: Parser, options: argparse.Namespace) -> BusSettings:
     """Return the settings of the bus; ends with a usage error without a channel."""
-    from rtf.robot.devices.can.bus_settings import MULTICAST_GROUP, MULTICAST_PORT
+    from rtf.robot.devices.can.bus_settings import GROUPS, MULTICAST_GROUP, MULTICAST_PORT
 
     given = {name: _value(text) for name, text in options.option}
-    if options.interface == _INTERFACE:
+    if options.interface in GROUPS:
         options.channel = options.channel or MULTICAST_GROUP
         given.setdefault("port", options.port or MULTICAST_PORT)
     elif options.port is not None:
-        parser.error("argument --port: it is of udp_multicast; others have --channel and --option")
+        parser.error("argument --port: it is of udp_multicast and datagrams; others have --channel and --option")
     if not options.channel:
         parser.error(f"argument --channel: write the channel of {options.interface}, such as can0")
     return BusSettings(options.interface, options.channel, options.bitrate, options=tuple(given.items()))

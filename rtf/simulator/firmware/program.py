@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.errors import RtfError
-from rtf.robot.devices.can.bus_settings import MULTICAST, BusSettings
+from rtf.robot.devices.can.bus_settings import GROUPS, BusSettings
 from rtf.robot.interface.signals import signal_listener
 from rtf.simulator.console import say
 from rtf.simulator.firmware.boards_on_buses import Firmware
@@ -35,7 +35,7 @@ _STRIDE = 0.05
 class BoardsProgram:
     """What the command line says. ``channel`` with ``{}``: the place of the number of each bus.
 
-    With ``udp_multicast``, whose channel is a group, the buses have the ports from ``port`` on instead.
+    With ``udp_multicast`` and ``datagrams``, whose channel is a group, buses have the ports from ``port`` on instead.
     """
 
     model: RobotModel
@@ -51,7 +51,7 @@ class BoardsProgram:
         """Yield the settings of each bus, by its name."""
         for number, name in enumerate(names):
             settings = BusSettings(self.interface, self.channel.replace("{}", str(number)))
-            if self.interface == MULTICAST:
+            if self.interface in GROUPS:
                 settings = replace(settings, options=(("port", self.port + number),))
             yield name, settings
 

@@ -21,7 +21,7 @@ from rtf.robot.devices.can.messages import Frame
 from rtf.robot.errors import BusError, DeviceError, RobotError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Sequence
     from contextlib import AbstractContextManager
 
     from rtf.robot.devices.can.bus_settings import BusSettings
@@ -223,13 +223,22 @@ class CanBus:
                 )
 
     def poll(self, timeout: float = 0.0) -> bool:
-        """Read a frame within ``timeout`` s and pass it on, and send what waits. Return whether there was one."""
+        """Read a frame, or those that an interface has, within ``timeout`` s; pass them on, and send what waits.
+
+        Return whether there were any.
+        """
         if self._open_again is not None and not self._try_again(timeout):
             return False
         if self._waiting:
             self._flush()
             timeout = min(timeout, _WAIT_TO_SEND)
+        recv_all = getattr(self._bus, "recv_all", None)
         try:
+            if recv_all is not None:
+                heard = recv_all(timeout)
+                self._failures = 0
+                self.take_all(heard)
+                return bool(heard)
             message = self._bus.recv(timeout)
         except (can.CanError, OSError, ValueError) as error:  # ValueError: a socket that was closed
             self._unreadable(error)
@@ -281,6 +290,8 @@ class CanBus:
         """
         ordered = sorted(frames, key=_identifier) if len(frames) > 1 else frames
         with self._lock:
+            if self._transmit_all(ordered):
+                return
             for number, frame in enumerate(ordered):
                 if self.off:
                     self.counters.refused += len(ordered) - number
@@ -300,9 +311,26 @@ class CanBus:
         deadline = clock.current().now() + self.settings.transmit_timeout
         heapq.heappush(self._waiting, (frame.identifier, next(self._numbers), deadline, frame.data))
 
+    @property
+    def _withholds(self) -> bool:
+        """Whether nothing is to be sent now."""
+        return bool(self._withheld_until) and clock.current().now() < self._withheld_until
+
+    def _transmit_all(self, frames: Sequence[Frame]) -> bool:
+        """Hand frames to an interface that takes them at once; False if it does not, and they go one by one."""
+        send_all = getattr(self._bus, "send_all", None)
+        if send_all is None or self.off or self._waiting or self._withholds:
+            return False
+        with suppress(can.CanError):  # which comes again with the first of them
+            send_all(frames)
+            for identifier, data in frames:
+                self._note_sent(identifier, data)
+            return True
+        return False
+
     def _transmit(self, identifier: int, data: bytes) -> bool:
         """Hand a frame to the interface; False while that is busy."""
-        if self._withheld_until and clock.current().now() < self._withheld_until:
+        if self._withholds:
             self.counters.withheld += 1
             return True
         try:
@@ -313,6 +341,11 @@ class CanBus:
             self._lose(f"cannot be written: {error}")
             self.counters.refused += 1
             raise BusError(f"the CAN bus {self.name} cannot be written: {error}") from error
+        self._note_sent(identifier, data)
+        return True
+
+    def _note_sent(self, identifier: int, data: bytes) -> None:
+        """Count a frame that was sent, and show it to the watchers if it does not come back."""
         self.counters.sent += 1
         if self.settings.interface not in ECHOING:
             latest = Frame(identifier, data), clock.current().now()
@@ -320,7 +353,6 @@ class CanBus:
             traffic.frames, traffic.latest = traffic.frames + 1, latest
             for watch in self._watchers:
                 watch(*latest)
-        return True
 
     def _transmit_waiting(self) -> None:
         """Hand over what waits, in its order, until the interface is busy."""

@@ -12,8 +12,10 @@ from rtf.robot.parameters import count, group_of, positive, wrong
 if TYPE_CHECKING:
     from rtf.bottle import Property
 
-#: The interface of buses in datagrams, one port a bus, and the group and the first port, unless others are chosen.
-MULTICAST = "udp_multicast"
+#: The interfaces of buses in datagrams, one port a bus: that of python-can has a datagram for each frame, and ours one
+#: for all that are sent at once. The group and the first port, unless others are chosen.
+MULTICAST, DATAGRAMS = "udp_multicast", "datagrams"
+GROUPS = frozenset({MULTICAST, DATAGRAMS})
 MULTICAST_GROUP, MULTICAST_PORT = "239.74.163.2", 43113
 #: The interface of the buses of a simulated robot in the same process.
 SIMULATED = "simulated"
@@ -66,7 +68,7 @@ def bus_settings(configuration: Property) -> BusSettings:
     options = dict(_options(group))
     if number is not None:
         channel = channel.replace("{}", str(number))
-        if interface == MULTICAST:
+        if interface in GROUPS:
             options["port"] = count(group, "port", MULTICAST_PORT, _MOST_PORT) + number
     return BusSettings(
         interface,
@@ -93,7 +95,7 @@ def _interface(group: Property, *, numbered: bool) -> tuple[str, str]:
     if not numbered or (interface and channel):
         return interface, channel
     interface = interface or os.environ.get("CAN_INTERFACE", "socketcan")
-    usual = {MULTICAST: MULTICAST_GROUP, SIMULATED: as_string(group.get("busName", ""))}.get(interface)
+    usual = {**dict.fromkeys(GROUPS, MULTICAST_GROUP), SIMULATED: as_string(group.get("busName", ""))}.get(interface)
     return interface, channel or usual or os.environ.get("CAN_CHANNEL", "can{}")
 
 

@@ -24,7 +24,9 @@ __all__ = ["ECHOING", "FILTERING", "can", "is_busy", "open_interface"]
 FILTERING = frozenset({"socketcan", "kvaser", "vector", "systec", "etas"})
 #: The interfaces that hand what was sent back to the sender.
 ECHOING = frozenset({MULTICAST, "yarp"})
-#: Buses of other programs through the network, besides the interfaces that python-can has.
+#: Interfaces besides those that python-can has: buses of other programs through the network, and in datagrams. Tools of
+#: python-can find them by the entry points of this package.
+can.interfaces.BACKENDS["datagrams"] = ("rtf.robot.devices.can.datagrams", "DatagramBus")
 can.interfaces.BACKENDS["yarp"] = ("rtf.robot.boards.can_over_yarp", "YarpBus")
 _LOOPBACK = "127.0.0.1"
 #: What an interface says, in an error of ``send``, whose queue is full.
