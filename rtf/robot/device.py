@@ -62,6 +62,7 @@ SHIPPED: Mapping[str, str] = {
         canBusInertialMTB="CanInertial",
         canBusSkin="CanSkin",
     ),
+    "cartesiancontrollerserver": "rtf.robot.cartesian.device:CartesianControllerDevice",
     "cartesiancontrollerclient": "rtf.robot.cartesian.client:CartesianClient",
     "icubCalibrator": "rtf.robot.devices.calibrator:BoardCalibrator",
     **_family(

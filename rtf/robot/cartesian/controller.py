@@ -20,7 +20,7 @@ from rtf import clock
 from rtf.bottle import Bottle, as_float, as_list, as_string
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.controllers.cartesian import STRAIGHTNESS, CartesianMotion
-from rtf.robot.errors import RefusedError
+from rtf.robot.errors import RefusedError, RobotError
 from rtf.robot.interfaces import IControlLimits, IControlMode, IEncoders, IPositionDirect
 from rtf.robot.interfaces.cartesian import CartesianEvent, CartesianPose, CartesianSolution, ICartesianControl
 from rtf.robot.kinematics import InverseKinematics, PointPreference, pose_of, rotation_of, vector_of
@@ -66,6 +66,9 @@ class CartesianController(ICartesianControl):
     ``active`` joints take part in motions at first; those ``together`` are only switched together. ``elbow`` is a place
     to which a link is drawn. ``publish`` is called every ``period`` (s), with the robot's time; all other methods in
     any thread. Errors of the board are passed on, and end a motion.
+
+    No lock is held while a board is called by ``publish``, nor a lock that ``publish`` takes while one is called by
+    others: boards of a simulation wait for its loop, which may be what calls ``publish``.
     """
 
     def __init__(
@@ -95,7 +98,8 @@ class CartesianController(ICartesianControl):
         self._settings = Settings(chosen, tuple(rest.tolist()), (0.0,) * count, self._board_limits)
         self._contexts = {0: self._settings}
         self._next = 1
-        self._lock = threading.RLock()
+        self._commands = threading.RLock()  # one command at a time; ``publish`` does not take it
+        self._lock = threading.RLock()  # of what follows; no board is called while it is held
         self._observers: tuple[EventObserver, ...] = ()
         self._shares: list[float] = []
         self._target: FloatArray | None = None  # the pose, or the position, that is being reached
@@ -112,11 +116,21 @@ class CartesianController(ICartesianControl):
     # Motions ---------------------------------------------------------------------------------------------------------
 
     def go_to(self, target: Values, duration: float | None = None) -> None:
-        with self._lock:
+        with self._commands:
             if duration is not None and duration > 0.0:
                 self.set_trajectory_time(duration)
-            self._velocity = None
-            self._reach(np.atleast_1d(np.asarray(target, dtype=np.float64)))
+            goal = np.atleast_1d(np.asarray(target, dtype=np.float64))
+            places = self._active_places()
+            if not places:
+                raise RefusedError(f"{self._chain.name}: no joint is active")
+            self._check(places)
+            measured = self._encoders.encoders()
+            found = self._solve(goal, self._start(measured), attempts=3)
+            self._direct_mode(places)
+            with self._lock:
+                self._velocity = None
+                happened = self._begin(goal, found, measured)
+        self._tell(happened)
 
     def stream_target(self, target: Values, duration: float | None = None) -> None:
         self.go_to(target, duration)
@@ -125,16 +139,19 @@ class CartesianController(ICartesianControl):
         values = np.atleast_1d(np.asarray(velocity, dtype=np.float64))
         if values.shape != (_POSE,) or not np.isfinite(values).all():
             raise RefusedError(f"a velocity has seven numbers, not {values.tolist()}")
-        with self._lock:
-            if not values[:3].any() and values[6] == 0.0:
-                self._velocity = None
-                return
-            if self._velocity is None:
-                self._virtual = self._present_pose()
-            self._velocity, self._done = values, False
+        with self._commands:
+            stands = not values[:3].any() and values[6] == 0.0
+            pose = self._present_pose()
+            if not stands:
+                self._direct_mode(self._active_places())
+            with self._lock:
+                if self._velocity is None:
+                    self._virtual = pose
+                self._velocity = None if stands else values
+                self._done = self._done and stands
 
     def stop(self) -> None:
-        with self._lock:
+        with self._commands, self._lock:
             happened = self._end(clock.current().now())
         self._tell(happened)
 
@@ -143,7 +160,7 @@ class CartesianController(ICartesianControl):
             return self._done
 
     def ask(self, target: Values, start: Values | None = None) -> CartesianSolution:
-        with self._lock:
+        with self._commands:
             present = self._encoders.encoders()
             if start is not None:
                 given = np.atleast_1d(np.asarray(start, dtype=np.float64))
@@ -157,18 +174,17 @@ class CartesianController(ICartesianControl):
             found = self._solve(np.atleast_1d(np.asarray(target, dtype=np.float64)), present, attempts=6)
         return CartesianSolution(vector_of(found.pose), found.positions)
 
-    def _reach(self, target: FloatArray, attempts: int = 3) -> None:
-        """Begin a motion, or lead the present one elsewhere."""
-        places = self._active_places()
-        if not places:
-            raise RefusedError(f"{self._chain.name}: no joint is active")
-        self._check(places)
-        measured = self._encoders.encoders()
-        start = measured.copy()
-        if self._moving and self._motion is not None:
-            start[places] = self._motion.planned
-        found = self._solve(target, start, attempts=attempts)
-        events = []
+    def _start(self, measured: FloatArray) -> FloatArray:
+        """Return where a solution starts: a motion under way goes on from where it is planned to be."""
+        with self._lock:
+            start = measured.copy()
+            if self._moving and self._motion is not None:
+                start[self._active_places()] = self._motion.planned
+            return start
+
+    def _begin(self, target: FloatArray, found: Solution, measured: FloatArray) -> list[CartesianEvent]:
+        """Begin a motion, or lead the present one elsewhere; with the lock held."""
+        places, events = self._active_places(), []
         if not self._moving:
             self._motion = CartesianMotion(
                 self._active_chain(measured),
@@ -177,7 +193,6 @@ class CartesianController(ICartesianControl):
                 straightness=self._settings.straightness,
             )
             self._motion.reset(measured[places])
-            self._direct_mode(places)
             self._moving = True
             events.append(CartesianEvent("motion-onset", clock.current().now()))
         assert self._motion is not None
@@ -186,7 +201,7 @@ class CartesianController(ICartesianControl):
         self._target, self._solution, self._done = target, found, False
         self._began, self._blocked = self._motion.planned, measured
         self._passed = sorted(self._shares)
-        self._tell(events)
+        return events
 
     def _solve(self, target: FloatArray, start: FloatArray, *, attempts: int) -> Solution:
         settings = self._settings
@@ -235,51 +250,70 @@ class CartesianController(ICartesianControl):
 
     def publish(self, now: float) -> None:
         """Do what a period needs, at the robot's time. Raises RobotError, and a motion ends, for boards that fail."""
-        with self._lock:
-            try:
-                events = self._step(now)
-            except RefusedError as error:
-                events = self._end(now)
-                self._tell(events)
-                raise RefusedError(f"the motion was ended: {error}") from error
+        self._periods += 1
+        if not self._at_work():
+            return
+        places = self._active_places()
+        try:
+            if self._periods % _LOOK == 0 and self._moving:
+                self._check(places)
+            measured = self._encoders.encoders()
+            with self._lock:
+                events, positions = self._step(now, measured)
+            if positions is not None:
+                self._direct.set_positions(positions, places)
+        except RobotError as error:
+            with self._lock:
+                happened = self._end(now)
+            self._tell(happened)
+            raise type(error)(f"the motion was ended: {error}") from error
         self._tell(events)
 
-    def _step(self, now: float) -> list[CartesianEvent]:
-        self._periods += 1
-        if self._velocity is not None and self._periods % _STREAMED == 0:
-            self._advance(self._velocity, _STREAMED * self.period)
-        elif self._settings.tracking and self._target is not None and self._velocity is None:
-            self._keep()
-        if not self._moving:
-            return []
-        assert self._motion is not None
-        places = self._active_places()
-        if self._periods % _LOOK == 0:
-            self._check(places)
-        self._direct.set_positions(self._motion.step(), places)
-        share = self._motion.share(self._began)
-        events = [CartesianEvent("motion-ongoing", now, one) for one in self._passed if one <= share]
-        self._passed = self._passed[len(events) :]
-        if self._velocity is None and self._motion.done(self._encoders.encoders()[places], self._settings.tolerance):
-            events += [CartesianEvent("motion-ongoing", now, one) for one in self._passed]
-            events += self._end(now, keep=self._settings.tracking)
-        return events
+    def _at_work(self) -> bool:
+        with self._lock:
+            keeps = self._settings.tracking and self._target is not None
+            return self._moving or self._velocity is not None or keeps
 
-    def _advance(self, velocity: FloatArray, seconds: float) -> None:
+    def _step(self, now: float, measured: FloatArray) -> tuple[list[CartesianEvent], FloatArray | None]:
+        """Return events, and positions of the active joints to command; with the lock held."""
+        events: list[CartesianEvent] = []
+        if self._velocity is not None and self._periods % _STREAMED == 0:
+            events += self._advance(self._velocity, _STREAMED * self.period, measured)
+        elif self._settings.tracking and self._target is not None and self._velocity is None:
+            events += self._keep(measured)
+        if not self._moving or self._motion is None:
+            return events, None
+        positions = self._motion.step()
+        share = self._motion.share(self._began)
+        passed = [one for one in self._passed if one <= share]
+        self._passed = self._passed[len(passed) :]
+        places = self._active_places()
+        if self._velocity is None and self._motion.done(measured[places], self._settings.tolerance):
+            passed, self._passed = passed + self._passed, []
+            end = self._end(now, keep=self._settings.tracking)
+        else:
+            end = []
+        return [*events, *(CartesianEvent("motion-ongoing", now, one) for one in passed), *end], positions
+
+    def _advance(self, velocity: FloatArray, seconds: float, measured: FloatArray) -> list[CartesianEvent]:
         """Lead a virtual target with a velocity, and reach for it."""
         turn = rotation_of(velocity[3:6], float(velocity[6]) * seconds) if velocity[6] else np.eye(3)
         place = self._virtual[:3, 3] + velocity[:3] * seconds
         self._virtual = homogeneous(turn @ self._virtual[:3, :3], place)
-        self._reach(vector_of(self._virtual), attempts=1)
+        return self._reach(vector_of(self._virtual), measured)
 
-    def _keep(self) -> None:
+    def _keep(self, measured: FloatArray) -> list[CartesianEvent]:
         """Reach for the target again, when joints that do not take part have moved."""
         assert self._target is not None
         others = [place for place, chosen in enumerate(self._settings.active) if not chosen]
-        moved = self._encoders.encoders()[others] - self._blocked[others]
-        if others and float(np.linalg.norm(moved)) > _MOVED:
-            self._moving = False  # a chain with other blocked joints
-            self._reach(self._target, attempts=1)
+        if not others or float(np.linalg.norm(measured[others] - self._blocked[others])) <= _MOVED:
+            return []
+        self._moving = False  # a chain with other blocked joints
+        return self._reach(self._target, measured)
+
+    def _reach(self, target: FloatArray, measured: FloatArray) -> list[CartesianEvent]:
+        found = self._solve(target, self._start(measured), attempts=1)
+        return self._begin(target, found, measured)
 
     def _end(self, now: float, *, keep: bool = False) -> list[CartesianEvent]:
         """End a motion; the joints hold what they were told last."""
@@ -309,9 +343,10 @@ class CartesianController(ICartesianControl):
 
     def desired(self) -> CartesianSolution:
         with self._lock:
-            if self._solution is None:
-                return CartesianSolution(vector_of(self._present_pose()), self._encoders.encoders())
-            return CartesianSolution(vector_of(self._solution.pose), self._solution.positions)
+            found = self._solution
+        if found is None:
+            return CartesianSolution(vector_of(self._present_pose()), self._encoders.encoders())
+        return CartesianSolution(vector_of(found.pose), found.positions)
 
     def joint_velocities(self) -> FloatArray:
         with self._lock:
@@ -378,7 +413,7 @@ class CartesianController(ICartesianControl):
         return self._settings.active
 
     def set_active_joints(self, active: Sequence[bool | None]) -> tuple[bool, ...]:
-        with self._lock:
+        with self._commands, self._lock:
             present = self._settings.active
             if len(active) > len(present):
                 raise RefusedError(f"{self._chain.name} has {len(present)} joints, not {len(active)}")
@@ -462,7 +497,7 @@ class CartesianController(ICartesianControl):
             return number
 
     def restore_context(self, context: int) -> None:
-        with self._lock:
+        with self._commands, self._lock:
             if context not in self._contexts:
                 raise RefusedError(f"there is no context {context}")
             happened = self._end(clock.current().now())
