@@ -37,7 +37,7 @@ def task_of(case: Case, seed: int) -> Task:
 
 def _fault(case: Case) -> FaultValues:
     times = {"delay": case.delay or None, "duration": case.duration}
-    values = case.values | {name: value for name, value in times.items() if value is not None}
+    values = {name: float(value) for name, value in (case.values | times).items() if value is not None}
     return FaultValues(case.fault, case.target, tuple(values.items()), find_kind(case.fault).severity(case.values))
 
 

@@ -11,7 +11,7 @@ from rtf.campaigns.claims import judged, task_of
 from rtf.campaigns.designs import make_design
 from rtf.campaigns.errors import CampaignError
 from rtf.campaigns.store import CampaignStore, State
-from rtf.campaigns.tasks import Task
+from rtf.campaigns.tasks import Task, from_json, to_json
 from rtf.robot_testing.proof import Judgement, shipped_cases
 from rtf.testing.plugins import shipped_folder
 
@@ -25,9 +25,13 @@ def test_the_shipped_campaign_is_the_proof():
     tasks, cases = [*make_design(campaign).tasks({})], shipped_cases()
     assert len({task.key for task in tasks}) == len(tasks) == len(cases)
     for task, case in zip(tasks, cases, strict=True):
-        assert (task.test, task.fault.injection if task.fault else "") == (case.test, case.injection)
+        fault = (task.fault.kind, task.fault.target, dict(task.fault.values)) if task.fault else ("", "", {})
+        times = {"delay": case.delay or None, "duration": case.duration}
+        values = {name: value for name, value in (case.values | times).items() if value is not None}
+        assert (task.test, *fault) == (case.test, case.fault, case.target, values)
         assert [name for name, _ in task.parameters] == [*case.parameters]
         assert task.model == (case.robot or "icub")
+        assert from_json(to_json(task)).key == task.key
     assert {task.test for task in tasks if task.fault is None} == {case.test for case in cases}
 
 
