@@ -13,7 +13,6 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 import zlib
 from contextlib import suppress
 from enum import StrEnum
@@ -26,6 +25,7 @@ from msgspec import Struct
 
 from rtf import clock
 from rtf.campaigns.campaign import suite_path
+from rtf.campaigns.task_folder import task_folder
 from rtf.campaigns.tasks import Task
 from rtf.testing import journal
 from rtf.testing.events import EventError, Interrupted, RunEnded
@@ -125,8 +125,7 @@ class TaskRun:
 
     def problems(self) -> str:
         """Return what the runner says is wrong; empty if nothing is."""
-        with tempfile.TemporaryDirectory(prefix="rtf-campaign-") as place:
-            folder = Path(place)
+        with task_folder() as (folder, _):
             self._write_files(folder)
             words = [*self._words(folder, folder / self._job.key), "--dry-run"]
             done = subprocess.run(
@@ -149,8 +148,8 @@ class TaskRun:
                 return TaskResult(
                     Status.BEGUN, f"it was begun on {robot.name} before, and is not begun by itself again"
                 )
-            with tempfile.TemporaryDirectory(prefix="rtf-campaign-", ignore_cleanup_errors=True) as folder:
-                return self._run_in(Path(folder))
+            with task_folder() as (folder, keeper):
+                return self._run_in(folder, keeper)
         except OSError as error:
             return TaskResult(Status.BROKEN, f"{type(error).__name__}: {error}")
 
@@ -160,11 +159,11 @@ class TaskRun:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
 
-    def _run_in(self, folder: Path) -> TaskResult:
+    def _run_in(self, folder: Path, keeper: int) -> TaskResult:
         self._write_files(folder)
         run, said, began = folder / self._job.key, folder / "said", clock.monotonic()
         with said.open("wb") as stream:
-            status = self._execute(self._words(folder, run), folder, stream)
+            status = self._execute(self._words(folder, run), folder, stream, keeper)
         data = run / journal.FILE_NAME
         words = said.read_text(encoding="utf-8", errors="replace").strip()[-_SAID:]
         if _ran_to_its_end(data):
@@ -173,7 +172,7 @@ class TaskRun:
             return TaskResult(Status.BROKEN, words or f"the runner ended with {status} and has no journal")
         return TaskResult(Status.KILLED, f"the runner {_end(status)}. {words}".strip())
 
-    def _execute(self, words: list[str], folder: Path, said: BinaryIO) -> int:
+    def _execute(self, words: list[str], folder: Path, said: BinaryIO, keeper: int) -> int:
         parent = os.getpid()
         # Of a client or worker that dies a simulated run is worth nothing; a real robot is stopped in order.
         last = signal.SIGTERM if self._job.task.real else signal.SIGKILL
@@ -191,6 +190,7 @@ class TaskRun:
             cwd=folder,
             env=self._environment(folder),
             start_new_session=True,
+            pass_fds=(keeper,),
             preexec_fn=tie,  # noqa: PLW1509 - it makes two system calls and takes no lock
         )
         if self._stopped:
