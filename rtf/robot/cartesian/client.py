@@ -188,13 +188,13 @@ class CartesianClient(Device, ICartesianControl):
         return float(self._call("trajectory_time"))
 
     def set_trajectory_time(self, duration: float) -> None:
-        self._call("set_trajectory_time", _finite(duration))
+        self._call("set_trajectory_time", requests.finite(duration))
 
     def tolerance(self) -> float:
         return float(self._call("tolerance"))
 
     def set_tolerance(self, tolerance: float) -> None:
-        self._call("set_tolerance", _finite(tolerance))
+        self._call("set_tolerance", requests.finite(tolerance))
 
     def tracking(self) -> bool:
         return bool(self._call("tracking"))
@@ -242,7 +242,7 @@ class CartesianClient(Device, ICartesianControl):
         return float(low), float(high)
 
     def set_limits(self, joint: int, minimum: float, maximum: float) -> None:
-        self._call("set_limits", joint, _finite(minimum), _finite(maximum))
+        self._call("set_limits", joint, requests.finite(minimum), requests.finite(maximum))
 
     def tip(self) -> FloatArray:
         return _array(self._call("tip"))
@@ -273,11 +273,11 @@ class CartesianClient(Device, ICartesianControl):
     # Events ----------------------------------------------------------------------------------------------------------
 
     def add_checkpoint(self, share: float) -> None:
-        self._call("add_checkpoint", _finite(share))
+        self._call("add_checkpoint", requests.finite(share))
         self._shares.append(share)
 
     def remove_checkpoint(self, share: float) -> None:
-        self._call("remove_checkpoint", _finite(share))
+        self._call("remove_checkpoint", requests.finite(share))
         with suppress(ValueError):
             self._shares.remove(share)
 
@@ -310,12 +310,6 @@ def _numbers(values: Values, *sizes: int) -> FloatArray:
     if found.ndim != 1 or found.size not in wanted:
         raise RefusedError(f"{' or '.join(map(str, wanted))} numbers are needed, not {found.size}")
     return found
-
-
-def _finite(value: float) -> float:
-    if not np.isfinite(value):
-        raise RefusedError(f"{value} is not a finite number")
-    return float(value)
 
 
 def _array(found: object) -> FloatArray:

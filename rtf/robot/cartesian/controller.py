@@ -9,7 +9,6 @@ Left out: feedback by the setpoints of the board, and streamed velocities of boa
 
 from __future__ import annotations
 
-import math
 import threading
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -18,13 +17,14 @@ import numpy as np
 
 from rtf import clock
 from rtf.bottle import Bottle, as_float, as_list, as_string
+from rtf.robot.cartesian.requests import finite
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.controllers.cartesian import STRAIGHTNESS, CartesianMotion
 from rtf.robot.errors import RefusedError, RobotError
 from rtf.robot.interfaces import IControlLimits, IControlMode, IEncoders, IPositionDirect
 from rtf.robot.interfaces.cartesian import CartesianEvent, CartesianPose, CartesianSolution, ICartesianControl
 from rtf.robot.kinematics import InverseKinematics, PointPreference, pose_of, rotation_of, vector_of
-from rtf.robot.kinematics.poses import homogeneous
+from rtf.robot.kinematics.poses import POSE, POSITION, homogeneous
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -40,7 +40,6 @@ _SHORTEST = 10
 _STREAMED, _LOOK = 4, 10
 #: A pose is kept by tracking: it is solved again when another joint of the chain has moved by this (deg, m).
 _MOVED = 1.0
-_POSITION, _POSE = 3, 7
 _BROKEN = frozenset({ControlMode.HARDWARE_FAULT, ControlMode.IDLE, ControlMode.NOT_CONFIGURED})
 
 
@@ -95,7 +94,7 @@ class CartesianController(ICartesianControl):
         count = len(chain)
         rest = np.clip(np.zeros(count), self._chain.minima, self._chain.maxima)
         chosen = tuple(active) if active is not None else (True,) * count
-        self._settings = Settings(chosen, tuple(rest.tolist()), (0.0,) * count, self._board_limits)
+        self._use(Settings(chosen, tuple(rest.tolist()), (0.0,) * count, self._board_limits))
         self._contexts = {0: self._settings}
         self._next = 1
         self._commands = threading.RLock()  # one command at a time; ``publish`` does not take it
@@ -105,7 +104,7 @@ class CartesianController(ICartesianControl):
         self._target: FloatArray | None = None  # the pose, or the position, that is being reached
         self._motion: CartesianMotion | None = None
         self._solution: Solution | None = None
-        self._moving, self._done = False, True
+        self._moving = False
         self._began: FloatArray = np.zeros(count)  # deg, of the active joints
         self._blocked: FloatArray = np.zeros(count)  # deg, when it was solved
         self._passed: list[float] = []  # checkpoints of this motion that are still to come
@@ -137,7 +136,7 @@ class CartesianController(ICartesianControl):
 
     def stream_velocity(self, velocity: Values) -> None:
         values = np.atleast_1d(np.asarray(velocity, dtype=np.float64))
-        if values.shape != (_POSE,) or not np.isfinite(values).all():
+        if values.shape != (POSE,) or not np.isfinite(values).all():
             raise RefusedError(f"a velocity has seven numbers, not {values.tolist()}")
         with self._commands:
             stands = not values[:3].any() and values[6] == 0.0
@@ -148,7 +147,6 @@ class CartesianController(ICartesianControl):
                 if self._velocity is None:
                     self._virtual = pose
                 self._velocity = None if stands else values
-                self._done = self._done and stands
 
     def stop(self) -> None:
         with self._commands, self._lock:
@@ -157,7 +155,7 @@ class CartesianController(ICartesianControl):
 
     def motion_done(self) -> bool:
         with self._lock:
-            return self._done
+            return not self._moving and self._velocity is None
 
     def ask(self, target: Values, start: Values | None = None) -> CartesianSolution:
         with self._commands:
@@ -197,17 +195,15 @@ class CartesianController(ICartesianControl):
             events.append(CartesianEvent("motion-onset", clock.current().now()))
         assert self._motion is not None
         self._motion.duration = self._settings.duration
-        self._motion.begin(found.positions[places], has_orientation=target.size > _POSITION)
-        self._target, self._solution, self._done = target, found, False
+        self._motion.begin(found.positions[places], has_orientation=target.size > POSITION)
+        self._target, self._solution = target, found
         self._began, self._blocked = self._motion.planned, measured
         self._passed = sorted(self._shares)
         return events
 
     def _solve(self, target: FloatArray, start: FloatArray, *, attempts: int) -> Solution:
         settings = self._settings
-        limits = dict(zip(self._chain.joints, settings.limits, strict=True))
-        inverse = InverseKinematics(self._tipped(self._chain.limited(limits)))
-        return inverse.solve(
+        return InverseKinematics(self._limited).solve(
             target,
             start,
             rest=settings.rest,
@@ -218,17 +214,22 @@ class CartesianController(ICartesianControl):
             attempts=attempts,
         )
 
-    def _tipped(self, chain: Chain) -> Chain:
-        return chain.with_tip(chain.tip @ pose_of(self._settings.tip))
+    def _use(self, settings: Settings) -> None:
+        """Take settings, and make the chains that follow from them: with the tool, and with the limits of motions."""
+        self._settings = settings
+        self._tipped = self._chain.with_tip(self._chain.tip @ pose_of(settings.tip))
+        self._limited = self._tipped.limited(dict(zip(self._chain.joints, settings.limits, strict=True)))
 
     def _active_places(self) -> list[int]:
         return [place for place, chosen in enumerate(self._settings.active) if chosen]
 
+    def _other_places(self) -> list[int]:
+        return [place for place, chosen in enumerate(self._settings.active) if not chosen]
+
     def _active_chain(self, measured: FloatArray) -> Chain:
         """The chain of the active joints; the others are where they have been measured."""
-        chain = self._tipped(self._chain)
-        others = [place for place, chosen in enumerate(self._settings.active) if not chosen]
-        return chain.blocked({chain.joints[place]: float(measured[place]) for place in others})
+        joints = self._chain.joints
+        return self._tipped.blocked({joints[place]: float(measured[place]) for place in self._other_places()})
 
     def _check(self, places: Sequence[int]) -> None:
         """Refuse joints that cannot move."""
@@ -253,12 +254,12 @@ class CartesianController(ICartesianControl):
         self._periods += 1
         if not self._at_work():
             return
-        places = self._active_places()
         try:
             if self._periods % _LOOK == 0 and self._moving:
-                self._check(places)
+                self._check(self._active_places())
             measured = self._encoders.encoders()
             with self._lock:
+                places = self._active_places()
                 events, positions = self._step(now, measured)
             if positions is not None:
                 self._direct.set_positions(positions, places)
@@ -305,7 +306,7 @@ class CartesianController(ICartesianControl):
     def _keep(self, measured: FloatArray) -> list[CartesianEvent]:
         """Reach for the target again, when joints that do not take part have moved."""
         assert self._target is not None
-        others = [place for place, chosen in enumerate(self._settings.active) if not chosen]
+        others = self._other_places()
         if not others or float(np.linalg.norm(measured[others] - self._blocked[others])) <= _MOVED:
             return []
         self._moving = False  # a chain with other blocked joints
@@ -317,7 +318,7 @@ class CartesianController(ICartesianControl):
 
     def _end(self, now: float, *, keep: bool = False) -> list[CartesianEvent]:
         """End a motion; the joints hold what they were told last."""
-        self._velocity, self._done = None, True
+        self._velocity = None
         if not keep:
             self._target = None
         was, self._moving = self._moving, False
@@ -332,14 +333,14 @@ class CartesianController(ICartesianControl):
 
     def pose(self, link: int | None = None) -> CartesianPose:
         positions, times = self._encoders.encoders(), self._encoders.encoder_times()
-        chain = self._tipped(self._chain)
+        chain = self._tipped
         if link is not None and not 0 <= link < len(chain):
             raise RefusedError(f"{chain.name} has links 0 to {len(chain) - 1}, not {link}")
         pose = chain.pose(positions) if link is None else chain.frames(positions)[link]
         return CartesianPose(vector_of(pose), float(np.max(times)))
 
     def _present_pose(self) -> FloatArray:
-        return self._tipped(self._chain).pose(self._encoders.encoders())
+        return self._tipped.pose(self._encoders.encoders())
 
     def desired(self) -> CartesianSolution:
         with self._lock:
@@ -356,7 +357,7 @@ class CartesianController(ICartesianControl):
     def task_velocity(self) -> FloatArray:
         with self._lock:
             if self._motion is None or not self._moving:
-                return np.zeros(_POSE)
+                return np.zeros(POSE)
             chain = self._motion.chain
             rates = chain.jacobian(self._motion.planned) @ (self._motion.speeds * chain.internal)
         speed = float(np.linalg.norm(rates[3:]))
@@ -374,19 +375,19 @@ class CartesianController(ICartesianControl):
 
     def _change(self, **changes: object) -> None:
         with self._lock:
-            self._settings = replace(self._settings, **changes)  # type: ignore[arg-type] # names of members
+            self._use(replace(self._settings, **changes))  # type: ignore[arg-type] # names of members
 
     def trajectory_time(self) -> float:
         return self._settings.duration
 
     def set_trajectory_time(self, duration: float) -> None:
-        self._change(duration=max(_finite(duration), _SHORTEST * self.period))
+        self._change(duration=max(finite(duration), _SHORTEST * self.period))
 
     def tolerance(self) -> float:
         return self._settings.tolerance
 
     def set_tolerance(self, tolerance: float) -> None:
-        self._change(tolerance=_finite(tolerance))
+        self._change(tolerance=finite(tolerance))
 
     def tracking(self) -> bool:
         return self._settings.tracking
@@ -486,7 +487,7 @@ class CartesianController(ICartesianControl):
             pair = as_list(one)
             if pair is None or len(pair) < 2 or as_string(pair[0]) != "straightness":  # noqa: PLR2004 - key, value
                 raise RefusedError(f"a tweak is (straightness VALUE), not {Bottle([one]).to_text()}")
-            self._change(straightness=max(0.0, _finite(as_float(pair[1]))))
+            self._change(straightness=max(0.0, finite(as_float(pair[1]))))
 
     # Contexts --------------------------------------------------------------------------------------------------------
 
@@ -501,7 +502,7 @@ class CartesianController(ICartesianControl):
             if context not in self._contexts:
                 raise RefusedError(f"there is no context {context}")
             happened = self._end(clock.current().now())
-            self._settings = self._contexts[context]
+            self._use(self._contexts[context])
         self._tell(happened)
 
     def delete_contexts(self, contexts: Sequence[int]) -> None:
@@ -534,9 +535,3 @@ class CartesianController(ICartesianControl):
     def unobserve_events(self, observer: EventObserver) -> None:
         with self._lock:
             self._observers = tuple(one for one in self._observers if one != observer)
-
-
-def _finite(value: float) -> float:
-    if not math.isfinite(value):
-        raise RefusedError(f"{value} is not a finite number")
-    return float(value)

@@ -47,6 +47,13 @@ def floats(values: Sequence[float] | FloatArray) -> Bottle:
     return Bottle.adopt([*given])
 
 
+def finite(value: float) -> float:
+    """Return a number. Raises RefusedError for what is none."""
+    if not math.isfinite(value):
+        raise RefusedError(f"{value} is not a finite number")
+    return float(value)
+
+
 def array(value: Value | None, *sizes: int) -> FloatArray:
     """Return a list of numbers as an array, of one of the sizes if there are any. Raises RefusedError."""
     found = np.array([number(one) for one in inner(value)])

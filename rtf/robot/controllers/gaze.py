@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from rtf.robot.kinematics import Chain, Eyes
+    from rtf.robot.kinematics import Eyes
 
 NECK = 3
 #: How the target of the eyes follows the point, 1/s.
@@ -91,7 +91,7 @@ class GazeController:
         self._settings = GazeSettings()
         self._neck_filter = MinimumJerkFilter(NECK, period, self._settings.neck_time)
         self._eyes_filter = MinimumJerkFilter(3, period, self._settings.eyes_time)
-        self._inverse = InverseKinematics(self._head())
+        self._inverse = self._inverse_of_neck()
         self.point: NDArray[np.float64] | None = None
         #: Where neck and eyes are to be (deg).
         self.wanted = np.zeros(NECK + 3)
@@ -118,6 +118,7 @@ class GazeController:
     def settings(self, settings: GazeSettings) -> None:
         self._settings = valid = settings.valid()
         self._neck_filter.duration, self._eyes_filter.duration = valid.neck_time, valid.eyes_time
+        self._inverse = self._inverse_of_neck()
 
     def look_at(self, point: ArrayLike) -> None:
         """Look at a point (m, in the frame of the root); one out of reach is looked at as far as limits allow.
@@ -246,16 +247,16 @@ class GazeController:
         posture = np.asarray(positions, dtype=np.float64)[: len(self.eyes.head)]
         rest = np.concatenate([posture[: self.torso], self._upright(posture)])
         active = [place >= self.torso for place in range(len(posture))]
-        self._inverse.chain = self._head()
         weights = [float(one) for one in active]
         return self._inverse.solve(
             LookAt(point), posture, rest=rest, weights=weights, active=active, attempts=1
         ).positions[self.torso :]
 
-    def _head(self) -> Chain:
-        """The chain of the head, with the ranges of the neck."""
+    def _inverse_of_neck(self) -> InverseKinematics:
+        """Return the inverse of the chain of the head, with the ranges of the neck."""
         head = self.eyes.head
-        return head.limited(dict(zip(head.joints[self.torso :], self._ranges().tolist(), strict=True)))
+        ranges = zip(head.joints[self.torso :], self._ranges().tolist(), strict=True)
+        return InverseKinematics(head.limited(dict(ranges)))
 
     def _ranges(self) -> NDArray[np.float64]:
         limits: NDArray[np.float64] = self.limits[:NECK]

@@ -45,17 +45,14 @@ class Eyes:
         self.left, self.right, self.head = left, right, head
         #: The pose of the middle of the eyes with all joints at 0: azimuth and elevation are seen from there.
         self.centre = head.pose(np.zeros(len(head)))
+        left_eye, right_eye = self.poses(np.zeros(len(self)))
+        #: Half the distance of the eyes (m).
+        self.half_baseline = float(np.linalg.norm(left_eye[:3, 3] - right_eye[:3, 3])) / 2.0
         #: The smallest vergence (deg) with which they look at a point in front.
         self.smallest = self._smallest(smallest)
 
     def __len__(self) -> int:
         return len(self.head) + EYE_JOINTS
-
-    @property
-    def half_baseline(self) -> float:
-        """Half the distance of the eyes (m)."""
-        left, right = self.poses(np.zeros(len(self)))
-        return float(np.linalg.norm(left[:3, 3] - right[:3, 3])) / 2.0
 
     def poses(self, positions: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the poses of the left and the right eye (4, 4)."""

@@ -184,6 +184,17 @@ def test_a_streamed_velocity_moves_the_tip():
         rig.controller.stream_velocity([0.1, 0.2])
 
 
+def test_a_velocity_that_is_taken_back_at_once_moves_nothing():
+    """The motion is done, although it never began."""
+    rig = Rig()
+    rig.controller.stream_velocity([0.0, 0.0, 0.05, 0.0, 0.0, 1.0, 0.0])
+    assert not rig.controller.motion_done()
+    rig.controller.stream_velocity([0.0] * 7)
+    assert rig.controller.motion_done()
+    rig.run(0.1)
+    assert rig.events == []
+
+
 def test_tracking_keeps_the_pose_while_the_torso_moves():
     """The arm makes up for it; without tracking the hand goes along."""
     target = target_near((0.3,) * 7)
