@@ -105,6 +105,7 @@ class CartesianController(ICartesianControl):
         self._motion: CartesianMotion | None = None
         self._solution: Solution | None = None
         self._moving = False
+        self._stops = 0  # how often it was stopped: a motion that is being prepared does not begin after a stop
         self._began: FloatArray = np.zeros(count)  # deg, of the active joints
         self._blocked: FloatArray = np.zeros(count)  # deg, when it was solved
         self._passed: list[float] = []  # checkpoints of this motion that are still to come
@@ -116,6 +117,7 @@ class CartesianController(ICartesianControl):
 
     def go_to(self, target: Values, duration: float | None = None) -> None:
         with self._commands:
+            stops = self._stops
             if duration is not None and duration > 0.0:
                 self.set_trajectory_time(duration)
             goal = np.atleast_1d(np.asarray(target, dtype=np.float64))
@@ -127,6 +129,8 @@ class CartesianController(ICartesianControl):
             found = self._solve(goal, self._start(measured), attempts=3)
             self._direct_mode(places)
             with self._lock:
+                if self._stops != stops:
+                    raise RefusedError(f"{self._chain.name}: it was stopped before the motion began")
                 self._velocity = None
                 happened = self._begin(goal, found, measured)
         self._tell(happened)
@@ -149,7 +153,8 @@ class CartesianController(ICartesianControl):
                 self._velocity = None if stands else values
 
     def stop(self) -> None:
-        with self._commands, self._lock:
+        with self._lock:  # not that of commands: one that waits for a board does not keep the robot from stopping
+            self._stops += 1
             happened = self._end(clock.current().now())
         self._tell(happened)
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -148,6 +151,30 @@ def test_stop_holds_the_joints():
     assert rig.names == ["motion-onset", "motion-done"]
     assert rig.board.encoders() == pytest.approx(where)
     assert not rig.controller.joint_velocities().any()
+
+
+def test_a_stop_does_not_wait_for_a_target():
+    """While a board does not answer: the stop returns, and the motion that was asked for before does not begin."""
+    rig = Rig()
+    asked, answered = threading.Event(), threading.Event()
+    modes = rig.board.control_modes
+
+    def late(joints: object = None) -> tuple[ControlMode, ...]:
+        asked.set()
+        answered.wait(20)
+        return modes(joints)
+
+    rig.board.control_modes = late
+    with ThreadPoolExecutor(1) as pool:
+        going = pool.submit(rig.controller.go_to, target_near((0.5,) * 7), 1.0)
+        asked.wait(20)
+        rig.controller.stop()
+        answered.set()
+        with pytest.raises(RefusedError, match="it was stopped before the motion began"):
+            going.result(20)
+    rig.run(0.2)
+    assert rig.events == []
+    assert rig.board.encoders() == pytest.approx(START)
 
 
 def test_a_joint_in_fault_ends_the_motion():
