@@ -17,21 +17,22 @@ import numpy as np
 
 from rtf import clock
 from rtf.bottle import Bottle, as_float, as_list, as_string
-from rtf.robot.cartesian.requests import finite
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.controllers.cartesian import STRAIGHTNESS, CartesianMotion
 from rtf.robot.errors import RefusedError, RobotError
-from rtf.robot.interfaces import IControlLimits, IControlMode, IEncoders, IPositionDirect
-from rtf.robot.interfaces.cartesian import CartesianEvent, CartesianPose, CartesianSolution, ICartesianControl
+from rtf.robot.interfaces import ControllerEvent, IControlLimits, IControlMode, IEncoders, IPositionDirect
+from rtf.robot.interfaces.cartesian import CartesianPose, CartesianSolution, ICartesianControl
 from rtf.robot.kinematics import InverseKinematics, PointPreference, pose_of, rotation_of, vector_of
 from rtf.robot.kinematics.poses import POSE, POSITION, homogeneous
+from rtf.robot.network.request_table import finite
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
     from rtf.robot.device import Device
     from rtf.robot.interfaces.axes import FloatArray, Values
-    from rtf.robot.interfaces.cartesian import CartesianPriority, EventObserver
+    from rtf.robot.interfaces.cartesian import CartesianPriority
+    from rtf.robot.interfaces.task_control import EventObserver
     from rtf.robot.kinematics import Chain, Solution
 
 #: A trajectory takes at least so many periods.
@@ -185,7 +186,7 @@ class CartesianController(ICartesianControl):
                 start[self._active_places()] = self._motion.planned
             return start
 
-    def _begin(self, target: FloatArray, found: Solution, measured: FloatArray) -> list[CartesianEvent]:
+    def _begin(self, target: FloatArray, found: Solution, measured: FloatArray) -> list[ControllerEvent]:
         """Begin a motion, or lead the present one elsewhere; with the lock held."""
         places, events = self._active_places(), []
         if not self._moving:
@@ -197,7 +198,7 @@ class CartesianController(ICartesianControl):
             )
             self._motion.reset(measured[places])
             self._moving = True
-            events.append(CartesianEvent("motion-onset", clock.current().now()))
+            events.append(ControllerEvent("motion-onset", clock.current().now()))
         assert self._motion is not None
         self._motion.duration = self._settings.duration
         self._motion.begin(found.positions[places], has_orientation=target.size > POSITION)
@@ -280,9 +281,9 @@ class CartesianController(ICartesianControl):
             keeps = self._settings.tracking and self._target is not None
             return self._moving or self._velocity is not None or keeps
 
-    def _step(self, now: float, measured: FloatArray) -> tuple[list[CartesianEvent], FloatArray | None]:
+    def _step(self, now: float, measured: FloatArray) -> tuple[list[ControllerEvent], FloatArray | None]:
         """Return events, and positions of the active joints to command; with the lock held."""
-        events: list[CartesianEvent] = []
+        events: list[ControllerEvent] = []
         if self._velocity is not None and self._periods % _STREAMED == 0:
             events += self._advance(self._velocity, _STREAMED * self.period, measured)
         elif self._settings.tracking and self._target is not None and self._velocity is None:
@@ -299,16 +300,16 @@ class CartesianController(ICartesianControl):
             end = self._end(now, keep=self._settings.tracking)
         else:
             end = []
-        return [*events, *(CartesianEvent("motion-ongoing", now, one) for one in passed), *end], positions
+        return [*events, *(ControllerEvent("motion-ongoing", now, one) for one in passed), *end], positions
 
-    def _advance(self, velocity: FloatArray, seconds: float, measured: FloatArray) -> list[CartesianEvent]:
+    def _advance(self, velocity: FloatArray, seconds: float, measured: FloatArray) -> list[ControllerEvent]:
         """Lead a virtual target with a velocity, and reach for it."""
         turn = rotation_of(velocity[3:6], float(velocity[6]) * seconds) if velocity[6] else np.eye(3)
         place = self._virtual[:3, 3] + velocity[:3] * seconds
         self._virtual = homogeneous(turn @ self._virtual[:3, :3], place)
         return self._reach(vector_of(self._virtual), measured)
 
-    def _keep(self, measured: FloatArray) -> list[CartesianEvent]:
+    def _keep(self, measured: FloatArray) -> list[ControllerEvent]:
         """Reach for the target again, when joints that do not take part have moved."""
         assert self._target is not None
         others = self._other_places()
@@ -317,19 +318,19 @@ class CartesianController(ICartesianControl):
         self._moving = False  # a chain with other blocked joints
         return self._reach(self._target, measured)
 
-    def _reach(self, target: FloatArray, measured: FloatArray) -> list[CartesianEvent]:
+    def _reach(self, target: FloatArray, measured: FloatArray) -> list[ControllerEvent]:
         found = self._solve(target, self._start(measured), attempts=1)
         return self._begin(target, found, measured)
 
-    def _end(self, now: float, *, keep: bool = False) -> list[CartesianEvent]:
+    def _end(self, now: float, *, keep: bool = False) -> list[ControllerEvent]:
         """End a motion; the joints hold what they were told last."""
         self._velocity = None
         if not keep:
             self._target = None
         was, self._moving = self._moving, False
-        return [CartesianEvent("motion-done", now)] if was else []
+        return [ControllerEvent("motion-done", now)] if was else []
 
-    def _tell(self, events: Sequence[CartesianEvent]) -> None:
+    def _tell(self, events: Sequence[ControllerEvent]) -> None:
         for event in events:
             for observer in self._observers:
                 observer(event)

@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING
 from rtf.bottle import Bottle, Property, as_string
 from rtf.robot import parameters
 from rtf.robot.cartesian.controller import CartesianController
-from rtf.robot.cartesian.requests import VERSION
 from rtf.robot.cartesian.server import CartesianServer
 from rtf.robot.devices.remapper import ControlBoardRemapper
 from rtf.robot.errors import RefusedError
@@ -27,6 +26,7 @@ from rtf.robot.kinematics import PointPreference, robot_chains
 from rtf.robot.model import load_robot
 from rtf.robot.network.elements import inner, number, whole
 from rtf.robot.network.publishing_device import PublishingDevice
+from rtf.robot.network.request_table import VERSION
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -11,11 +11,9 @@ joint that the device does not have), ``NotSupportedError`` (the device does not
 from rtf.robot.interfaces.axes import AxisSelection, FloatArray, IAxisInfo, JointType, Values, selected, values_for
 from rtf.robot.interfaces.calibration import CalibrationParameters, IControlCalibration, IRemoteCalibrator
 from rtf.robot.interfaces.cartesian import (
-    CartesianEvent,
     CartesianPose,
     CartesianPriority,
     CartesianSolution,
-    EventObserver,
     ICartesianControl,
 )
 from rtf.robot.interfaces.modes import IControlMode, IInteractionMode, IJointFault, modes_for
@@ -46,6 +44,7 @@ from rtf.robot.interfaces.sensors import (
     SensorReading,
     SensorStatus,
 )
+from rtf.robot.interfaces.task_control import ControllerEvent, EventObserver, ITaskControl
 from rtf.robot.interfaces.variables import IRemoteVariables
 
 __all__ = [
@@ -53,10 +52,10 @@ __all__ = [
     "BatteryStatus",
     "CalibrationParameters",
     "CameraFeature",
-    "CartesianEvent",
     "CartesianPose",
     "CartesianPriority",
     "CartesianSolution",
+    "ControllerEvent",
     "EventObserver",
     "FloatArray",
     "IAmplifierControl",
@@ -85,6 +84,7 @@ __all__ = [
     "IRemoteVariables",
     "IRgbdOptics",
     "IRgbdSensor",
+    "ITaskControl",
     "ITorqueControl",
     "IVelocityControl",
     "Intrinsics",

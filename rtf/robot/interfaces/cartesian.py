@@ -7,13 +7,14 @@ whether a control board has them in this order or not.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+from rtf.robot.interfaces.task_control import ITaskControl
 
-    from rtf.bottle import Bottle
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rtf.robot.interfaces.axes import FloatArray, Values
 
 #: What is met first of a pose that cannot be met.
@@ -34,23 +35,7 @@ class CartesianSolution(NamedTuple):
     joints: FloatArray
 
 
-class CartesianEvent(NamedTuple):
-    """Something that happened at a time, in seconds of the robot's clock.
-
-    Names are ``motion-onset``, ``motion-ongoing``, which has the share of the way as ``checkpoint``, ``motion-done``
-    and ``closing``.
-    """
-
-    name: str
-    time: float
-    checkpoint: float | None = None
-
-
-#: Called with each event, in a thread of the sender, which waits.
-EventObserver: TypeAlias = "Callable[[CartesianEvent], None]"
-
-
-class ICartesianControl(ABC):
+class ICartesianControl(ITaskControl):
     """Motions of the tip of a chain, and what they keep to."""
 
     # Motions ---------------------------------------------------------------------------------------------------------
@@ -71,14 +56,6 @@ class ICartesianControl(ABC):
     @abstractmethod
     def stream_velocity(self, velocity: Values) -> None:
         """Move until the next command: velocity of the tip (m/s), axis of the rotation, and its speed (rad/s)."""
-
-    @abstractmethod
-    def stop(self) -> None:
-        """End a motion; the joints hold their positions."""
-
-    @abstractmethod
-    def motion_done(self) -> bool:
-        """Return whether the last motion has ended."""
 
     @abstractmethod
     def ask(self, target: Values, start: Values | None = None) -> CartesianSolution:
@@ -109,10 +86,6 @@ class ICartesianControl(ABC):
     def solver_connected(self) -> bool:
         """Return whether there is a solver; without one nothing moves."""
 
-    @abstractmethod
-    def info(self) -> Bottle:
-        """Return what the controller says of itself: pairs of a key, such as ``arm_version``, and its value."""
-
     # Settings --------------------------------------------------------------------------------------------------------
 
     @abstractmethod
@@ -129,14 +102,6 @@ class ICartesianControl(ABC):
 
     @abstractmethod
     def set_tolerance(self, tolerance: float) -> None:
-        """Set it."""
-
-    @abstractmethod
-    def tracking(self) -> bool:
-        """Return whether the target is kept after the motion, whatever other joints do."""
-
-    @abstractmethod
-    def set_tracking(self, tracking: bool) -> None:
         """Set it."""
 
     @abstractmethod
@@ -197,47 +162,3 @@ class ICartesianControl(ABC):
     @abstractmethod
     def set_tip(self, tip: Values) -> None:
         """Set the tool."""
-
-    @abstractmethod
-    def tweaks(self) -> Bottle:
-        """Return the settings of the solver and such: pairs of a key and its value."""
-
-    @abstractmethod
-    def set_tweaks(self, tweaks: Bottle) -> None:
-        """Set some of them."""
-
-    # Contexts --------------------------------------------------------------------------------------------------------
-
-    @abstractmethod
-    def store_context(self) -> int:
-        """Store all settings, and return the number under which ``restore_context`` finds them."""
-
-    @abstractmethod
-    def restore_context(self, context: int) -> None:
-        """Restore settings; 0 are those of the start."""
-
-    @abstractmethod
-    def delete_contexts(self, contexts: Sequence[int]) -> None:
-        """Forget stored settings; unknown numbers are ignored."""
-
-    # Events ----------------------------------------------------------------------------------------------------------
-
-    @abstractmethod
-    def add_checkpoint(self, share: float) -> None:
-        """Ask for an event ``motion-ongoing`` when a motion has done this share of its way, 0 to 1."""
-
-    @abstractmethod
-    def remove_checkpoint(self, share: float) -> None:
-        """Take back what was asked for once. Raises RefusedError if it was not."""
-
-    @abstractmethod
-    def checkpoints(self) -> FloatArray:
-        """Return the shares for which there will be events."""
-
-    @abstractmethod
-    def observe_events(self, observer: EventObserver) -> None:
-        """Call a function with every event from now on."""
-
-    @abstractmethod
-    def unobserve_events(self, observer: EventObserver) -> None:
-        """Stop calling a function; no error if it is unknown."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from rtf.bottle import Bottle
 from rtf.robot.errors import RefusedError
-from rtf.robot.interfaces import CartesianEvent, CartesianPose, CartesianSolution, ICartesianControl
+from rtf.robot.interfaces import CartesianPose, CartesianSolution, ControllerEvent, ICartesianControl
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -45,7 +45,7 @@ class ScriptedController(ICartesianControl):
     def happen(self, name: str, time: float, checkpoint: float | None = None) -> None:
         """Tell an event."""
         for observer in self._observers:
-            observer(CartesianEvent(name, time, checkpoint))
+            observer(ControllerEvent(name, time, checkpoint))
 
     def go_to(self, target: Values, duration: float | None = None) -> None:
         self.gate.wait(20)

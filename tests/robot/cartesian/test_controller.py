@@ -15,7 +15,7 @@ from rtf.robot.cartesian.controller import CartesianController
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.devices.fake_board import FakeBoard, FakeDriver
 from rtf.robot.errors import RefusedError
-from rtf.robot.interfaces import CartesianEvent
+from rtf.robot.interfaces import ControllerEvent
 from rtf.robot.kinematics import pose_of, robot_chains, vector_of
 from rtf.robot.model import load_robot
 
@@ -42,7 +42,7 @@ class Rig:
         self.controller = CartesianController(
             self.board, CHAIN, **{"active": ARM_ALONE, "together": SHOULDER, "period": PERIOD, **options}
         )
-        self.events: list[CartesianEvent] = []
+        self.events: list[ControllerEvent] = []
         self.controller.observe_events(self.events.append)
 
     def run(self, seconds: float) -> None:

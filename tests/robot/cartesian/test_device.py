@@ -12,7 +12,7 @@ from rtf.robot.control_modes import ControlMode
 from rtf.robot.device import Device, make_device
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.errors import ConfigurationError, DeviceError, RefusedError
-from rtf.robot.interfaces import CartesianEvent, ICartesianControl
+from rtf.robot.interfaces import ControllerEvent, ICartesianControl
 from rtf.robot.kinematics import robot_chains
 from rtf.robot.model import load_robot
 from waiting import eventually
@@ -64,7 +64,7 @@ def client(network: Network, boards: dict[str, Device]) -> Iterator[ICartesianCo
 def test_the_arm_is_moved_through_the_network(client: ICartesianControl, boards: dict[str, Device]):
     """A reach ends at its pose, with its events; the torso stands; a stop ends a motion in its middle."""
     assert client.active_joints() == (False,) * 3 + (True,) * 7
-    events: list[CartesianEvent] = []
+    events: list[ControllerEvent] = []
     client.observe_events(events.append)
     target = CHAIN.pose([0, 0, 0, -40, 40, 10, 60, 10, -5, 5])[:3, 3]
     client.go_to(target, 0.2)
