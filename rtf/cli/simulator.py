@@ -68,6 +68,8 @@ def simulator(words: Sequence[str]) -> int:
     model = load_robot(options.model)
     if unknown := [part for part in options.parts if part not in model.served]:
         parser.error(f"argument --parts: there is no part {', '.join(unknown)!r}; there are {', '.join(model.served)}")
+    if options.ball is not None and options.cameras == "no":
+        parser.error("argument --ball: only cameras see it; add --cameras")
     if unknown := [part for part in options.drives if part not in model.parts]:
         parser.error(f"argument --drives: there is no part {', '.join(unknown)!r}; there are {', '.join(model.parts)}")
     return run_simulator(
@@ -85,6 +87,7 @@ def simulator(words: Sequence[str]) -> int:
             state_rate=options.state_rate,
             camera_rate=options.camera_rate,
             collision=options.collision,
+            ball=options.ball,
             clock=options.clock,
             dialect=None if options.dialect is None else Dialect(options.dialect),
             nameserver=options.nameserver,
@@ -152,6 +155,12 @@ def _parser() -> Parser:
         default="capsules",
         help="what can touch what: outlines, hulls of the covers, or nothing",
     )
+    parser.add_argument(
+        "--ball",
+        metavar="X,Y,Z",
+        type=_ball,
+        help="with --cameras: where the red ball is, in m from the robot's root (default: as its robot.toml says)",
+    )
     parser.add_argument("--dialect", choices=(3, 4), type=int, help="the major version of YARP to speak (default: 3)")
     parser.add_argument(
         "--nameserver", action="store_true", help="be the name server, too, at the place that the configuration says"
@@ -190,6 +199,16 @@ def _factor(text: str) -> float:
     if not SLOWEST <= factor <= _FASTEST:
         raise argparse.ArgumentTypeError(f"{text!r} is no factor; write a number from {SLOWEST:g} on, or inf")
     return factor
+
+
+def _ball(text: str) -> tuple[float, float, float]:
+    from rtf.robot.errors import RefusedError
+    from rtf.simulator.ball import place_of_ball
+
+    try:
+        return place_of_ball([float(word) for word in text.split(",")])
+    except (ValueError, RefusedError) as error:
+        raise argparse.ArgumentTypeError(f"{text!r}: {error}; write X,Y,Z such as -0.35,0,0.3") from None
 
 
 def _rate(text: str) -> float:

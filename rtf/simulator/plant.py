@@ -30,6 +30,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
+import msgspec
 import numpy as np
 
 from rtf.robot.model.bodies import attach_bodies
@@ -72,6 +73,9 @@ class Options:
     friction: bool = True
     damping: bool = True
     timestep: float = TIMESTEP  # s
+    ball: tuple[float, float, float] | None = (
+        None  # with cameras: where the red ball is, else where robot.toml says (m)
+    )
     workspace: bool = False  # with cameras: a drawing of the robot's workspace
     unit: int = 0  # the robot of the population (rtf.simulator.units); 0: the nominal one
 
@@ -278,7 +282,8 @@ def _shape(spec: Any, robot: RobotModel, published: list[Any], attached: list[An
     if options.cameras:
         if options.workspace:
             workspace.draw(spec, robot, 2 * math.dist(robot.scene.outside, robot.scene.centre))
-        scene.add_scene(spec, robot.scene, published, attached, keep_meshes=options.collision == "hulls")
+        bench = robot.scene if options.ball is None else msgspec.structs.replace(robot.scene, ball=options.ball)
+        scene.add_scene(spec, bench, published, attached, keep_meshes=options.collision == "hulls")
 
 
 def _compiled(spec: Any, robot: RobotModel, unit: Unit) -> Plant:

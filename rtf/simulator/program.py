@@ -53,6 +53,7 @@ class Settings:
     state_rate: float | None = None  # Hz; that of the robot
     camera_rate: float | None = None  # likewise
     collision: Collision = "capsules"
+    ball: tuple[float, float, float] | None = None  # with cameras: the place of the red ball; that of the robot
     clock: str = CLOCK
     dialect: Dialect | None = None
     nameserver: bool = False
@@ -214,7 +215,7 @@ def _simulated(model: RobotModel, name: str, settings: Settings, network: Networ
         cameras=cameras,
         state_rate=settings.state_rate or STATE_RATE,
         camera_rate=settings.camera_rate or CAMERA_RATE,
-        options=Options(collision=settings.collision, cameras=cameras, unit=settings.unit),
+        options=Options(collision=settings.collision, cameras=cameras, unit=settings.unit, ball=settings.ball),
         clock=settings.clock,
         can=settings.can,
         drives=settings.drives,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from rtf.bottle import Bottle, Property
 from rtf.clock import use as use_clock
+from rtf.middleware.ports.rpc import RpcServer
 from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot.devices.analog_sensors_remapper import CATEGORY_TAGS, AnalogSensorsRemapper
 from rtf.robot.interfaces import SensorCategory
@@ -14,6 +15,7 @@ from rtf.robot.sensors.analog import AnalogServer
 from rtf.robot.sensors.analog_sensors import AnalogSensorsServer
 from rtf.robot.sensors.battery import BatteryServer
 from rtf.robot.sensors.inertial import InertialServer
+from rtf.simulator.ball import find_ball
 from rtf.simulator.battery import BATTERY_PERIOD, SimulatedBattery
 from rtf.simulator.firmware.boards_on_buses import Firmware
 from rtf.simulator.kinematic_part import KinematicPart
@@ -25,6 +27,7 @@ from rtf.simulator.simulated_sensors import SimulatedForceTorques
 from rtf.simulator.simulation import Simulation
 from rtf.simulator.simulation_clock import CLOCK, SimulationClock, serve_time
 from rtf.simulator.skin import SKIN_PERIOD
+from rtf.simulator.world import WORLD, World
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Sequence
@@ -35,6 +38,7 @@ if TYPE_CHECKING:
     from rtf.robot.devices.remapper import ControlBoardRemapper
     from rtf.robot.model import RobotModel
     from rtf.robot.publishing import Publisher
+    from rtf.simulator.ball import Ball
     from rtf.simulator.depth_cameras import SimulatedDepthCamera
     from rtf.simulator.simulated_cameras import SimulatedCamera
 
@@ -56,6 +60,7 @@ class SimulatedRobot:
     ``/NAME/PORT`` …               each patch of skin, twelve numbers a triangle, and ``rpc:i``
     ``/NAME/PORT/data:o`` …        the battery, and ``rpc:i``
     ``/NAME/PORT``                 each camera, with ``cameras``
+    ``/NAME/world``                the red ball, with ``cameras``, if the scene has one
     ``/NAME/PORT/rgbImage:o`` …    each depth camera, likewise: ``depthImage:o``, ``rpc:i``
     ``/clock``                     the time: published, and served in lockstep
     ============================== ================================================================================
@@ -110,6 +115,7 @@ class SimulatedRobot:
         battery = model.sensors.battery
         self.battery = None if battery is None else SimulatedBattery(battery, self.simulation)
         self._state_period, self._camera_period = 1 / state_rate, 1 / camera_rate
+        self.ball: Ball | None = None  # with cameras
         self.cameras: dict[str, SimulatedCamera] = {}
         self.depth_cameras: dict[str, SimulatedDepthCamera] = {}
         self._drivers: dict[Device, Device] = {}  # of sensors with boards
@@ -204,6 +210,10 @@ class SimulatedRobot:
         from rtf.simulator.depth_cameras import SimulatedDepthCamera
         from rtf.simulator.simulated_cameras import SimulatedCamera
 
+        self.ball = find_ball(self.simulation)
+        if self.ball is not None:
+            world = RpcServer(f"/{self.name}{WORLD}", World(self.ball).answer, network=self.network)
+            opened.callback(world.close)
         for name, settings in self.model.sensors.cameras.items():
             camera = self.cameras[name] = SimulatedCamera(settings.camera, self.simulation)
             opened.callback(camera.close)

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 OUTSIDE = "outside"
 #: Width and height of the largest picture of a camera, in pixels.
 LARGEST_PICTURE = (1280, 960)
+#: The name of the red ball's shape.
+BALL = "red_ball"
 #: A red ball and a green box where a robot's cameras look (m).
 BALL_RADIUS = 0.035
 BOX_HALF = 0.04
@@ -91,9 +93,7 @@ def _add_surroundings(world: Any, bench: Bench) -> None:
     ]
     if bench.ball is not None:
         looks.append(
-            world.add_geom(
-                name="red_ball", type=types.mjGEOM_SPHERE, pos=bench.ball, size=[BALL_RADIUS, 0, 0], rgba=RED
-            )
+            world.add_geom(name=BALL, type=types.mjGEOM_SPHERE, pos=bench.ball, size=[BALL_RADIUS, 0, 0], rgba=RED)
         )
     if bench.box is not None:
         looks.append(

@@ -62,7 +62,12 @@ class SimulationDevice(Device):
                     lockstep=settings.lockstep,
                     factor=settings.factor,
                     cameras=settings.cameras,
-                    options=Options(collision=settings.collision, cameras=settings.cameras, unit=settings.unit),
+                    options=Options(
+                        collision=settings.collision,
+                        cameras=settings.cameras,
+                        unit=settings.unit,
+                        ball=settings.ball,
+                    ),
                     clock=settings.clock,
                     serve=False,
                     can=settings.can,

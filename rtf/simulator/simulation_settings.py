@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self, get_args
 
-from rtf.bottle import as_string, to_string
+from rtf.bottle import as_float, as_list, as_string, to_string
 from rtf.middleware.clocks.network_clock import CLOCK_PORT, CLOCK_VARIABLE, YARP_CLOCK_VARIABLE
+from rtf.robot.errors import RefusedError
 from rtf.robot.model import DEFAULT_ROBOT, ROBOT_MODEL_VARIABLE, load_robot
 from rtf.robot.model.errors import RobotModelError
 from rtf.robot.parameters import flag, names, port_name, positive, wrong
+from rtf.simulator.ball import place_of_ball
 from rtf.simulator.plant import Collision
 
 if TYPE_CHECKING:
@@ -35,6 +37,7 @@ class SimulationSettings:
     ``unit``      the robot of the population (0, the nominal one)
     ``collision`` capsules, hulls or none (capsules)
     ``cameras``   whether its cameras render (no)
+    ``ball``      with cameras: where the red ball is, ``(x y z)`` in the root's frame (m; as robot.toml says)
     ``can``       whether its boards are on CAN buses, with the interface ``simulated`` (no)
     ``drives``    the parts whose motors have a board each, which drives them (none)
     ============= =====================================================================================
@@ -49,6 +52,7 @@ class SimulationSettings:
     unit: int
     collision: Collision
     cameras: bool
+    ball: tuple[float, float, float] | None
     can: bool
     drives: tuple[str, ...]
 
@@ -69,6 +73,7 @@ class SimulationSettings:
             unit=_number(configuration, "unit"),
             collision=_collision(configuration),
             cameras=flag(configuration, "cameras"),
+            ball=_place(configuration, "ball"),
             can=flag(configuration, "can"),
             drives=_parts(configuration, model),
         )
@@ -103,6 +108,17 @@ def _number(configuration: Property, key: str) -> int:
     if not isinstance(value, int) or value < 0:
         raise wrong(configuration, key, f"{to_string(value)} is no whole number from 0")
     return value
+
+
+def _place(configuration: Property, key: str) -> tuple[float, float, float] | None:
+    if not configuration.check(key):
+        return None
+    values = as_list(configuration.find(key))
+    numbers = [] if values is None else [as_float(one) for one in values if isinstance(one, int | float)]
+    try:
+        return place_of_ball(numbers)
+    except RefusedError as error:
+        raise wrong(configuration, key, str(error)) from None
 
 
 def _parts(configuration: Property, model: RobotModel) -> tuple[str, ...]:
