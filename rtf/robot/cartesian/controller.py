@@ -209,7 +209,7 @@ class CartesianController(ICartesianControl):
 
     def _solve(self, target: FloatArray, start: FloatArray, *, attempts: int) -> Solution:
         settings = self._settings
-        return InverseKinematics(self._limited).solve(
+        return self._inverse.solve(
             target,
             start,
             rest=settings.rest,
@@ -221,10 +221,11 @@ class CartesianController(ICartesianControl):
         )
 
     def _use(self, settings: Settings) -> None:
-        """Take settings, and make the chains that follow from them: with the tool, and with the limits of motions."""
+        """Take settings, and make what follows from them: the chain with the tool, its inverse within limits."""
         self._settings = settings
         self._tipped = self._chain.with_tip(self._chain.tip @ pose_of(settings.tip))
-        self._limited = self._tipped.limited(dict(zip(self._chain.joints, settings.limits, strict=True)))
+        limits = dict(zip(self._chain.joints, settings.limits, strict=True))
+        self._inverse = InverseKinematics(self._tipped.limited(limits))
 
     def _active_places(self) -> list[int]:
         return [place for place, chosen in enumerate(self._settings.active) if chosen]

@@ -45,8 +45,9 @@ _DONE = 1e-3  # rad, m: a step so short ends an attempt that has met its target
 _STUCK = 1e-7  # likewise, for any attempt
 #: Damping: at first, its least and greatest value, and factors after a step that is better and one that is worse.
 _DAMPING, _LEAST_DAMPING, _GREATEST_DAMPING, _BETTER, _WORSE = 1e-3, 1e-6, 1e7, 0.1, 10.0
-#: Postures from which attempts are repeated; the nearest ones by their tips.
-_POSTURES = 400
+#: Postures from which attempts are repeated, and the share of their joints that is at each limit. Of the nearest ones
+#: by their tips, those that are far from each other are taken.
+_POSTURES, _AT_LIMIT, _NEAREST = 2000, 1.0 / 3.0, 20
 _UNBOUNDED = 1e30
 
 
@@ -90,7 +91,7 @@ class Solution:
 
 
 class InverseKinematics:
-    """The inverse kinematics of a chain. Objects are not shared by threads.
+    """The inverse kinematics of a chain. Threads may share an object.
 
     Raises MissingPackageError, whose message says how to install the missing package.
     """
@@ -199,19 +200,29 @@ class InverseKinematics:
 
     def _starts(self, problem: _Problem, goal: Goal, attempts: int) -> Iterator[NDArray[np.float64]]:
         """Yield where attempts begin: at the start, then at postures whose tips are near the target."""
-        yield self._allowed(problem, problem.start)
+        begun = [self._allowed(problem, problem.start)]
+        yield begun[0]
         postures, poses = self._postures
-        distances = goal.distances(poses)
-        for place in np.argsort(distances, kind="stable")[: attempts - 1]:
-            yield self._allowed(problem, np.where(problem.free, postures[place], problem.start))
+        order = np.argsort(goal.distances(poses), kind="stable")
+        near = np.where(problem.free, postures[order[:_NEAREST]], problem.start)
+        place = 0
+        for _ in range(min(attempts - 1, _NEAREST)):
+            begun.append(near[place])
+            yield self._allowed(problem, near[place])
+            place = int(np.min([np.linalg.norm(near - one, axis=1) for one in begun], axis=0).argmax())
 
     @cached_property
     def _postures(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Postures within the limits (rad, m), and their poses."""
+        """Postures within limits and constraints (rad, m), many of them at limits, where attempts stick; their poses."""
         chain = self.chain
         generator = np.random.default_rng(0)
-        postures = generator.uniform(chain.minima, chain.maxima, (_POSTURES, len(chain)))
-        return postures * chain.internal, chain.pose(postures)
+        shape = _POSTURES, len(chain)
+        postures, shares = generator.uniform(chain.minima, chain.maxima, shape), generator.uniform(size=shape)
+        postures = np.where(shares < _AT_LIMIT, chain.minima, postures)
+        postures = np.where(shares > 1.0 - _AT_LIMIT, chain.maxima, postures)
+        problem = self._problem((chain.minima + chain.maxima) / 2.0, None, None, None)
+        allowed = np.array([self._allowed(problem, posture) for posture in postures * chain.internal])
+        return allowed, chain.pose(allowed / chain.internal)
 
     def _allowed(self, problem: _Problem, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the nearest positions within limits and constraints."""
