@@ -64,6 +64,7 @@ SHIPPED: Mapping[str, str] = {
     ),
     "cartesiancontrollerserver": "rtf.robot.cartesian.device:CartesianControllerDevice",
     "cartesiancontrollerclient": "rtf.robot.cartesian.client:CartesianClient",
+    "gazecontrollerclient": "rtf.robot.gaze.client:GazeClient",
     "icubCalibrator": "rtf.robot.devices.calibrator:BoardCalibrator",
     **_family(
         "rtf.robot.sensors.battery",

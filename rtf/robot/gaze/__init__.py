@@ -1,0 +1,1 @@
+"""Gaze control: requests, server, client, and the controller as a device."""
