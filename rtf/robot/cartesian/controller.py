@@ -19,6 +19,7 @@ from rtf import clock
 from rtf.bottle import Bottle, as_float, as_list, as_string
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.controllers.cartesian import STRAIGHTNESS, CartesianMotion
+from rtf.robot.controllers.task import TaskController
 from rtf.robot.errors import RefusedError, RobotError
 from rtf.robot.interfaces import ControllerEvent, IControlLimits, IControlMode, IEncoders, IPositionDirect
 from rtf.robot.interfaces.cartesian import CartesianPose, CartesianSolution, ICartesianControl
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
     from rtf.robot.device import Device
     from rtf.robot.interfaces.axes import FloatArray, Values
     from rtf.robot.interfaces.cartesian import CartesianPriority
-    from rtf.robot.interfaces.task_control import EventObserver
     from rtf.robot.kinematics import Chain, Solution
 
 #: A trajectory takes at least so many periods.
@@ -60,7 +60,7 @@ class Settings:
     straightness: float = STRAIGHTNESS
 
 
-class CartesianController(ICartesianControl):
+class CartesianController(TaskController[Settings], ICartesianControl):
     """A controller of a board whose axes are the joints of a chain, in its order (see ``controlboardremapper``).
 
     ``active`` joints take part in motions at first; those ``together`` are only switched together. ``elbow`` is a place
@@ -96,12 +96,8 @@ class CartesianController(ICartesianControl):
         rest = np.clip(np.zeros(count), self._chain.minima, self._chain.maxima)
         chosen = tuple(active) if active is not None else (True,) * count
         self._use(Settings(chosen, tuple(rest.tolist()), (0.0,) * count, self._board_limits))
-        self._contexts = {0: self._settings}
-        self._next = 1
+        super().__init__(self._settings)
         self._commands = threading.RLock()  # one command at a time; ``publish`` does not take it
-        self._lock = threading.RLock()  # of what follows; no board is called while it is held
-        self._observers: tuple[EventObserver, ...] = ()
-        self._shares: list[float] = []
         self._target: FloatArray | None = None  # the pose, or the position, that is being reached
         self._motion: CartesianMotion | None = None
         self._solution: Solution | None = None
@@ -109,7 +105,6 @@ class CartesianController(ICartesianControl):
         self._stops = 0  # how often it was stopped: a motion that is being prepared does not begin after a stop
         self._began: FloatArray = np.zeros(count)  # deg, of the active joints
         self._blocked: FloatArray = np.zeros(count)  # deg, when it was solved
-        self._passed: list[float] = []  # checkpoints of this motion that are still to come
         self._velocity: FloatArray | None = None
         self._virtual: FloatArray = np.eye(4)  # the target of a streamed velocity
         self._periods = 0
@@ -129,12 +124,12 @@ class CartesianController(ICartesianControl):
             measured = self._encoders.encoders()
             found = self._solve(goal, self._start(measured), attempts=3)
             self._direct_mode(places)
-            with self._lock:
+            with self.lock:
                 if self._stops != stops:
                     raise RefusedError(f"{self._chain.name}: it was stopped before the motion began")
                 self._velocity = None
                 happened = self._begin(goal, found, measured)
-        self._tell(happened)
+        self.tell(happened)
 
     def stream_target(self, target: Values, duration: float | None = None) -> None:
         self.go_to(target, duration)
@@ -148,19 +143,19 @@ class CartesianController(ICartesianControl):
             pose = self._present_pose()
             if not stands:
                 self._direct_mode(self._active_places())
-            with self._lock:
+            with self.lock:
                 if self._velocity is None:
                     self._virtual = pose
                 self._velocity = None if stands else values
 
     def stop(self) -> None:
-        with self._lock:  # not that of commands: one that waits for a board does not keep the robot from stopping
+        with self.lock:  # not that of commands: one that waits for a board does not keep the robot from stopping
             self._stops += 1
             happened = self._end(clock.current().now())
-        self._tell(happened)
+        self.tell(happened)
 
     def motion_done(self) -> bool:
-        with self._lock:
+        with self.lock:
             return not self._moving and self._velocity is None
 
     def ask(self, target: Values, start: Values | None = None) -> CartesianSolution:
@@ -180,7 +175,7 @@ class CartesianController(ICartesianControl):
 
     def _start(self, measured: FloatArray) -> FloatArray:
         """Return where a solution starts: a motion under way goes on from where it is planned to be."""
-        with self._lock:
+        with self.lock:
             start = measured.copy()
             if self._moving and self._motion is not None:
                 start[self._active_places()] = self._motion.planned
@@ -204,7 +199,7 @@ class CartesianController(ICartesianControl):
         self._motion.begin(found.positions[places], has_orientation=target.size > POSITION)
         self._target, self._solution = target, found
         self._began, self._blocked = self._motion.planned, measured
-        self._passed = sorted(self._shares)
+        self.begin_checkpoints()
         return events
 
     def _solve(self, target: FloatArray, start: FloatArray, *, attempts: int) -> Solution:
@@ -265,20 +260,20 @@ class CartesianController(ICartesianControl):
             if self._periods % _LOOK == 0 and self._moving:
                 self._check(self._active_places())
             measured = self._encoders.encoders()
-            with self._lock:
+            with self.lock:
                 places = self._active_places()
                 events, positions = self._step(now, measured)
             if positions is not None:
                 self._direct.set_positions(positions, places)
         except RobotError as error:
-            with self._lock:
+            with self.lock:
                 happened = self._end(now)
-            self._tell(happened)
+            self.tell(happened)
             raise type(error)(f"the motion was ended: {error}") from error
-        self._tell(events)
+        self.tell(events)
 
     def _at_work(self) -> bool:
-        with self._lock:
+        with self.lock:
             keeps = self._settings.tracking and self._target is not None
             return self._moving or self._velocity is not None or keeps
 
@@ -292,16 +287,12 @@ class CartesianController(ICartesianControl):
         if not self._moving or self._motion is None:
             return events, None
         positions = self._motion.step()
-        share = self._motion.share(self._began)
-        passed = [one for one in self._passed if one <= share]
-        self._passed = self._passed[len(passed) :]
+        events += self.pass_checkpoints(self._motion.share(self._began), now)
         places = self._active_places()
         if self._velocity is None and self._motion.done(measured[places], self._settings.tolerance):
-            passed, self._passed = passed + self._passed, []
-            end = self._end(now, keep=self._settings.tracking)
-        else:
-            end = []
-        return [*events, *(ControllerEvent("motion-ongoing", now, one) for one in passed), *end], positions
+            events += self.pass_checkpoints(1.0, now)
+            events += self._end(now, keep=self._settings.tracking)
+        return events, positions
 
     def _advance(self, velocity: FloatArray, seconds: float, measured: FloatArray) -> list[ControllerEvent]:
         """Lead a virtual target with a velocity, and reach for it."""
@@ -331,11 +322,6 @@ class CartesianController(ICartesianControl):
         was, self._moving = self._moving, False
         return [ControllerEvent("motion-done", now)] if was else []
 
-    def _tell(self, events: Sequence[ControllerEvent]) -> None:
-        for event in events:
-            for observer in self._observers:
-                observer(event)
-
     # State -----------------------------------------------------------------------------------------------------------
 
     def pose(self, link: int | None = None) -> CartesianPose:
@@ -350,19 +336,19 @@ class CartesianController(ICartesianControl):
         return self._tipped.pose(self._encoders.encoders())
 
     def desired(self) -> CartesianSolution:
-        with self._lock:
+        with self.lock:
             found = self._solution
         if found is None:
             return CartesianSolution(vector_of(self._present_pose()), self._encoders.encoders())
         return CartesianSolution(vector_of(found.pose), found.positions)
 
     def joint_velocities(self) -> FloatArray:
-        with self._lock:
+        with self.lock:
             moving = self._motion is not None and self._moving
             return self._motion.speeds if self._motion is not None and moving else np.zeros(len(self._active_places()))
 
     def task_velocity(self) -> FloatArray:
-        with self._lock:
+        with self.lock:
             if self._motion is None or not self._moving:
                 return np.zeros(POSE)
             chain = self._motion.chain
@@ -381,7 +367,7 @@ class CartesianController(ICartesianControl):
     # Settings --------------------------------------------------------------------------------------------------------
 
     def _change(self, **changes: object) -> None:
-        with self._lock:
+        with self.lock:
             self._use(replace(self._settings, **changes))  # type: ignore[arg-type] # names of members
 
     def trajectory_time(self) -> float:
@@ -421,7 +407,7 @@ class CartesianController(ICartesianControl):
         return self._settings.active
 
     def set_active_joints(self, active: Sequence[bool | None]) -> tuple[bool, ...]:
-        with self._commands, self._lock:
+        with self._commands, self.lock:
             present = self._settings.active
             if len(active) > len(present):
                 raise RefusedError(f"{self._chain.name} has {len(present)} joints, not {len(active)}")
@@ -432,7 +418,7 @@ class CartesianController(ICartesianControl):
                     chosen[place] = present[place]
             happened = self._end(clock.current().now())
             self._change(active=tuple(chosen))
-        self._tell(happened)
+        self.tell(happened)
         return tuple(chosen)
 
     def rest_posture(self) -> FloatArray:
@@ -469,7 +455,7 @@ class CartesianController(ICartesianControl):
         if not low <= minimum <= maximum <= high:
             name = self._chain.joints[joint]
             raise RefusedError(f"limits of {name} lie within {low:g} and {high:g}, not {minimum:g} and {maximum:g}")
-        with self._lock:
+        with self.lock:
             limits = list(self._settings.limits)
             limits[joint] = (float(minimum), float(maximum))
             self._change(limits=tuple(limits))
@@ -498,47 +484,12 @@ class CartesianController(ICartesianControl):
 
     # Contexts --------------------------------------------------------------------------------------------------------
 
-    def store_context(self) -> int:
-        with self._lock:
-            number, self._next = self._next, self._next + 1
-            self._contexts[number] = self._settings
-            return number
+    def context(self) -> Settings:
+        return self._settings
 
     def restore_context(self, context: int) -> None:
-        with self._commands, self._lock:
-            if context not in self._contexts:
-                raise RefusedError(f"there is no context {context}")
+        with self._commands, self.lock:
+            settings = self.stored(context)
             happened = self._end(clock.current().now())
-            self._use(self._contexts[context])
-        self._tell(happened)
-
-    def delete_contexts(self, contexts: Sequence[int]) -> None:
-        with self._lock:
-            for context in contexts:
-                if context:
-                    self._contexts.pop(context, None)
-
-    # Events ----------------------------------------------------------------------------------------------------------
-
-    def add_checkpoint(self, share: float) -> None:
-        if not 0.0 <= share <= 1.0:
-            raise RefusedError(f"a checkpoint is a share of the way, 0 to 1, not {share}")
-        with self._lock:
-            self._shares.append(share)
-
-    def remove_checkpoint(self, share: float) -> None:
-        with self._lock:
-            if share not in self._shares:
-                raise RefusedError(f"there is no checkpoint at {share}")
-            self._shares.remove(share)
-
-    def checkpoints(self) -> FloatArray:
-        return np.array(self._shares)
-
-    def observe_events(self, observer: EventObserver) -> None:
-        with self._lock:
-            self._observers = (*self._observers, observer)
-
-    def unobserve_events(self, observer: EventObserver) -> None:
-        with self._lock:
-            self._observers = tuple(one for one in self._observers if one != observer)
+            self._use(settings)
+        self.tell(happened)

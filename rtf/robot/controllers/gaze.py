@@ -6,7 +6,7 @@ and so make up for what the neck still has to do. Saccades, one jump of the eyes
 Where the head is disturbed, the eyes turn against it, by the gyroscope (vestibulo-ocular reflex) and by what the neck
 was told (opto-kinetic response).
 
-:class:`GazeController` is called once a period with measured positions, and says what to command. It knows neither
+:class:`GazeMotion` is called once a period with measured positions, and says what to command. It knows neither
 boards nor ports nor clocks. Not there: stabilization of the head by the gyroscope.
 """
 
@@ -77,7 +77,7 @@ class GazeCommand:
     events: Sequence[str] = ()
 
 
-class GazeController:
+class GazeMotion:
     """A controller with ``limits`` (deg) of the six joints of neck and eyes, as (6, 2). ``period`` is in seconds."""
 
     def __init__(self, eyes: Eyes, limits: ArrayLike, *, period: float = 0.01) -> None:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rtf.robot.controllers.gaze import GazeController, GazeSettings
+from rtf.robot.controllers.gaze import GazeMotion, GazeSettings
 from rtf.robot.errors import RefusedError
 from rtf.robot.kinematics import Eyes, robot_chains
 from rtf.robot.model import load_robot
@@ -25,7 +25,7 @@ class Head:
     """Joints that follow at once, with a torso that turns as it is told (deg/s)."""
 
     def __init__(self, **changes: object) -> None:
-        self.controller = GazeController(EYES, LIMITS, period=PERIOD)
+        self.controller = GazeMotion(EYES, LIMITS, period=PERIOD)
         self.controller.settings = replace(GazeSettings(saccades=False), **changes)
         self.positions = np.array([0.0] * 8 + [5.0])
         self.jump: np.ndarray | None = None
@@ -205,11 +205,11 @@ def test_times_are_those_that_joints_can_have():
 
 def test_what_is_refused():
     """Points that are none, and limits that are none."""
-    controller = GazeController(EYES, LIMITS)
+    controller = GazeMotion(EYES, LIMITS)
     for wrong in ((1, 2), (float("nan"), 0, 0)):
         with pytest.raises(RefusedError, match="a point is three numbers"):
             controller.look_at(wrong)
     with pytest.raises(RefusedError, match="six pairs of limits"):
-        GazeController(EYES, LIMITS[:5])
+        GazeMotion(EYES, LIMITS[:5])
     with pytest.raises(RefusedError, match="six pairs of limits"):
-        GazeController(EYES, [(1, 0)] * 6)
+        GazeMotion(EYES, [(1, 0)] * 6)
