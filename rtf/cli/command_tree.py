@@ -165,6 +165,7 @@ _CAN = (
     _can("dbc", "[FILE]", "a DBC file of the messages, for other tools", "files:dbc"),
     _can("messages", "", "all messages, in Markdown", "files:messages"),
 )
+_RED_BALL = (Command("track", "", "find it in pictures of the eyes", "rtf.cli.red_ball:track", on_network=False),)
 _CAMPAIGN = (
     Command("run", "FILE", "run it, or go on with it", "rtf.cli.campaign:run"),
     Command("plan", "FILE", "how many runs, how long, how much disk", "rtf.cli.campaign:plan"),
@@ -219,6 +220,9 @@ RTF = Command(
             group="robot",
         ),
         Command("robot", "COMMAND", "robots as data: list, check, new, test", commands=_ROBOT, group="robot"),
+        Command(
+            "red-ball", "COMMAND", "see a red ball, look at it and reach for it", commands=_RED_BALL, group="robot"
+        ),
         Command("version", "", "the version of the framework", "rtf.cli.commands:version", group="other"),
     ),
 )

@@ -1,0 +1,60 @@
+"""``rtf red-ball``: the programs of the demonstration with the red ball."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rtf.cli.parser import Parser, add_dialect
+from rtf.robot.model.names import DEFAULT_ROBOT
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_TRACK_EPILOG = """\
+ports, as those of pf3dTracker:
+  NAME/video:i, NAME/right:i   pictures of the left and the right eye
+  NAME/data:o                  x y z (m, in the frame of the left camera), likelihood, u v (px), 1.0 if it is seen
+  NAME/video:o                 the left picture with the ball marked
+
+examples:
+  rtf red-ball track --robot icubSim
+  rtf read ... /pf3dTracker/data:o
+"""
+
+
+def track(words: Sequence[str]) -> int:
+    """Track the ball until a signal; returns the exit code."""
+    parser = Parser(
+        prog="rtf red-ball track",
+        description="Find the red ball in the pictures of a robot's eyes, and send where it is.",
+        epilog=_TRACK_EPILOG,
+    )
+    _add_robot(parser)
+    parser.add_argument("--name", metavar="/PORT", default="/pf3dTracker", help="its ports (default: /pf3dTracker)")
+    parser.add_argument("--radius", metavar="M", type=float, default=0.035, help="of the ball (default: 0.035)")
+    parser.add_argument(
+        "--field-of-view", metavar="DEG", type=float, default=0.0, help="vertical (default: the left camera is asked)"
+    )
+    parser.add_argument("--one-eye", action="store_true", help="the left eye alone: the distance is that by the size")
+    options = parser.parse_args(words)
+    from rtf.cli.network.options import make_network
+    from rtf.red_ball.program import TrackerSettings, run_program, say, start_tracker
+    from rtf.robot.model import load_robot
+
+    network = make_network()
+    network.report = say
+    settings = TrackerSettings(
+        load_robot(options.model), options.robot, options.name, options.radius, options.field_of_view, options.one_eye
+    )
+    return run_program(options.name, lambda opened: start_tracker(settings, network, opened))
+
+
+def _add_robot(parser: Parser) -> None:
+    parser.add_argument("--robot", metavar="NAME", default="icubSim", help="the beginning of its ports (icubSim)")
+    parser.add_argument(
+        "--model",
+        metavar="ROBOT",
+        default=DEFAULT_ROBOT,
+        help=f"a robot of 'rtf robot list', or the path of a robot.toml (default: {DEFAULT_ROBOT})",
+    )
+    add_dialect(parser)

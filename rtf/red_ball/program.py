@@ -1,0 +1,115 @@
+"""The programs of the demonstration: how they find the robot, and how they begin and end."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+from contextlib import ExitStack, closing
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rtf.bottle import Property
+from rtf.errors import RtfError
+from rtf.middleware.clocks.network_clock import CLOCK_VARIABLE
+from rtf.middleware.ports import remote
+from rtf.middleware.wire.contact import Contact
+from rtf.red_ball.eyes import cameras_of
+from rtf.red_ball.history import Positions
+from rtf.red_ball.tracker import Tracker
+from rtf.robot.boards.client import connect
+from rtf.robot.interface.signals import signal_listener
+from rtf.robot.sensors.camera import FrameGrabberClient
+from rtf.simulator.scene import BALL_RADIUS
+
+if TYPE_CHECKING:
+    import signal
+    from collections.abc import Callable
+
+    from rtf.middleware.ports.network import Network
+    from rtf.robot.model import RobotModel
+
+FINE, FAILED = 0, 1
+TRACKER = "/pf3dTracker"
+#: The carrier of pictures and states: it waits until a message has been received.
+CARRIER = "tcp"
+
+
+def say(sentence: str) -> None:
+    """Print a sentence."""
+    print(sentence, file=sys.stderr, flush=True)  # noqa: T201 - a program prints
+
+
+def in_lockstep() -> bool:
+    """Return whether this process lives in the time of a simulator that waits for it."""
+    return os.environ.get(CLOCK_VARIABLE, "").startswith("lockstep:")
+
+
+def run_program(name: str, start: Callable[[ExitStack], object]) -> int:
+    """Start a program, and run it until a signal ends it; return the exit code. For the main thread.
+
+    ``start`` opens all that is closed at the end.
+    """
+    end = threading.Event()
+
+    def on_signal(number: signal.Signals) -> None:
+        say(f"{number.name}: ends")
+        end.set()
+
+    with signal_listener(on_signal), ExitStack() as opened:
+        try:
+            start(opened)
+        except (RtfError, OSError) as error:
+            say(f"FAILED: {name} could not be started: {error}")
+            return FAILED
+        say(f"READY {name}")
+        end.wait()
+    return FINE
+
+
+@dataclass(frozen=True, slots=True)
+class TrackerSettings:
+    """The settings of the tracker. ``robot`` is the beginning of the names of the robot's ports."""
+
+    model: RobotModel
+    robot: str = "icubSim"
+    name: str = TRACKER
+    radius: float = BALL_RADIUS  # m
+    field_of_view: float = 0.0  # vertical, deg; 0: ask the left camera
+    one_eye: bool = False
+
+
+def start_tracker(settings: TrackerSettings, network: Network, opened: ExitStack) -> Tracker:
+    """Open the tracker, and connect it to the eyes and the head of a robot. Raises RtfError."""
+    tables = settings.model.sensors.cameras
+    eyes = {name: f"/{settings.robot}/{tables[name].port}" for name in ("left", "right") if name in tables}
+    view = settings.field_of_view or _field_of_view(eyes["left"], network)
+    cameras = head = None
+    if not settings.one_eye:
+        cameras = cameras_of(settings.model)
+        board = opened.enter_context(connect(f"/{settings.robot}/head", carrier=CARRIER, network=network))
+        head = Positions(board)
+    tracker = opened.enter_context(
+        closing(
+            Tracker(
+                settings.name,
+                network=network,
+                radius=settings.radius,
+                field_of_view=view,
+                cameras=cameras,
+                head=head,
+                acknowledged=in_lockstep(),
+            )
+        )
+    )
+    if not settings.one_eye:  # first, so that the first picture of the left eye finds its pair
+        remote.connect(network, Contact(eyes["right"]), Contact(tracker.right.name), CARRIER)
+    remote.connect(network, Contact(eyes["left"]), Contact(tracker.left.name), CARRIER)
+    return tracker
+
+
+def _field_of_view(port: str, network: Network) -> float:
+    """Ask a camera for its vertical field of view (deg). Raises RtfError."""
+    with closing(FrameGrabberClient("optics", network=network)) as camera:
+        camera.open(Property({"remote": port, "no_stream": True}))
+        return camera.field_of_view()[1]
