@@ -32,6 +32,7 @@ def task_of(case: Case, seed: int) -> Task:
         fault=_fault(case) if case.fault else None,
         cameras=case.needs_cameras,
         simulator=tuple((name, text_of(value)) for name, value in case.simulator.items()),
+        configuration=case.configuration,
     )
 
 

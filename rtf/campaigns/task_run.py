@@ -300,12 +300,19 @@ def _suite(job: Job, folder: Path) -> str:
 def _simulated(job: Job, model: str) -> list[str]:
     """Return a name server and a simulated robot in lockstep, whose names no other run has."""
     task, place = job.task, f"/campaign-{job.key}"
+    names = f'<fixture name="names" param="--namespace {place}">yarpserver</fixture>'
+    if task.configuration:
+        from rtf.robot_testing.proof.suites import configured_robot  # it loads the simulator, which few tasks need
+
+        words = ("--seed", str(task.seed), "--unit", str(task.unit))
+        robot = configured_robot(task.configuration, f"{place}/clock", *words)
+        return [names, '<fixture name="robot" depends="names">', robot, "</fixture>"]
     cameras = "auto" if task.cameras else "no"
     rows = {"model": model, "seed": task.seed, "unit": task.unit, "cameras": cameras, "clock": f"{place}/clock"}
     rows |= dict(task.simulator)
     return [
         f"<environment>--robotmodel {quoteattr(model)}</environment>",
-        f'<fixture name="names" param="--namespace {place}">yarpserver</fixture>',
+        names,
         '<fixture name="robot" depends="names">',
         *(f"<parameter name={quoteattr(name)}>{escape(str(value))}</parameter>" for name, value in rows.items()),
         "simulator</fixture>",

@@ -46,6 +46,7 @@ class Task(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
 
     ``parameters`` are those of the test, ``define`` the variables of the suite, ``overrides`` parameters of all tests.
     ``cameras``: the simulated robot needs its cameras; ``simulator`` are other parameters of the fixture that it is.
+    ``configuration`` is a robot of ``suites/robots`` that is started by its configuration instead.
     """
 
     test: str = ""
@@ -60,6 +61,7 @@ class Task(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     overrides: tuple[tuple[str, str], ...] = ()
     cameras: bool = False
     simulator: tuple[tuple[str, str], ...] = ()
+    configuration: str = ""
 
     @property
     def key(self) -> str:

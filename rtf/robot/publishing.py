@@ -71,7 +71,7 @@ class PeriodicPublishing:
 
     def __init__(self, publisher: Publisher, *, name: str, report: Callable[[str], None]) -> None:
         self.period = publisher.period
-        self._publisher = publisher
+        self.publisher = publisher
         self._report = report
         self._said = ""
         self._ended = threading.Event()
@@ -106,7 +106,7 @@ class PeriodicPublishing:
     def publish(self, now: float) -> None:
         """Publish, and report an error."""
         try:
-            self._publisher.publish(now)
+            self.publisher.publish(now)
         except Exception as error:  # noqa: BLE001 - the next period may succeed, and the error is reported
             sentence = f"{type(error).__name__}: {error}"
             if sentence != self._said:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import math
+from typing import TYPE_CHECKING, NamedTuple
 
 from rtf.errors import nearest
 from rtf.testing.parameters import ParameterError
@@ -11,10 +12,21 @@ if TYPE_CHECKING:
     from rtf.testing.parameters import Declared
 
 
-def parse_injection(text: str) -> tuple[str, str, dict[str, float]]:
-    """Return kind, target and parameters of the fault that the parameter ``inject`` describes.
+class Injection(NamedTuple):
+    """A fault: its kind, its target and its parameters; when it begins, and how long it lasts, in s."""
 
-    Raises ParameterError.
+    kind: str
+    target: str
+    values: dict[str, float]
+    delay: float = 0.0
+    duration: float = math.inf
+
+
+def parse_injection(text: str) -> Injection:
+    """Return the fault that the parameter ``inject`` describes.
+
+    ``delay`` and ``duration`` are those of the injection, unless the kind has a parameter of that name, as ``latency``
+    has. Raises ParameterError, and RefusedError for such a word with an unknown kind.
     """
     kind, *words = text.split()
     target = words.pop(0) if words and "=" not in words[0] else "-"
@@ -27,7 +39,13 @@ def parse_injection(text: str) -> tuple[str, str, dict[str, float]]:
             equals = ""
         if not equals:
             raise ParameterError("inject", [f"{word!r} is not of the form name=number, such as torque=400"])
-    return kind, "" if target == "-" else target, values
+    times = {name: values[name] for name in ("delay", "duration") if name in values}
+    if times:
+        from rtf.simulator.faults.kinds import find_kind  # it loads the whole simulator, which few tests need
+
+        own = {parameter.name for parameter in find_kind(kind).parameters}
+        times = {name: values.pop(name) for name in times if name not in own}
+    return Injection(kind, "" if target == "-" else target, values, **times)
 
 
 def wrong_fault(test: Declared) -> list[str]:
@@ -43,7 +61,7 @@ def wrong_fault(test: Declared) -> list[str]:
 
     source = test.parameter_source("inject")
     try:
-        word, target, values = parse_injection(text)
+        word, target, values, *_ = parse_injection(text)
         kind = find_kind(word)
     except (ParameterError, RefusedError) as error:
         said = error.problems[0] if isinstance(error, ParameterError) else str(error)
@@ -56,8 +74,6 @@ def wrong_fault(test: Declared) -> list[str]:
         problems.append(f"the robot has no joint {target!r}; {hint}")
     known = {parameter.name: parameter for parameter in kind.parameters}
     for name, value in values.items():
-        if name in ("delay", "duration"):
-            continue
         if name not in known:
             problems.append(f"{word} has no parameter {name}; its parameters: {', '.join(known) or 'none'}")
         elif not known[name].minimum <= value <= known[name].maximum:

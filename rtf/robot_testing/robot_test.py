@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from functools import cached_property
 from types import MappingProxyType
@@ -180,8 +179,7 @@ class RobotTest(TestCase):
         """Inject the fault into the simulated robot. Clean-up resets the robot: at home and healthy."""
         control = SimulatorControl(self.robot_name, network=self.network)
         self.add_cleanup(control.close)
-        kind, target, values = parse_injection(self.inject)
-        delay, duration = values.pop("delay", 0.0), values.pop("duration", math.inf)
+        kind, target, values, delay, duration = parse_injection(self.inject)
         self.add_cleanup(control.reset)
         try:
             control.inject(kind, target, values, delay=delay, duration=duration)

@@ -121,6 +121,12 @@ class Simulation:
                 self._begin_publishing(period)
         return leave
 
+    @property
+    def publishers(self) -> list[Publisher]:
+        """What it publishes regularly now."""
+        with self.lock:
+            return [one for several in self._publishers.values() for one in several]
+
     def _begin_publishing(self, period: float) -> None:
         times = itertools.count(math.ceil(self.boards.tick / period))
 

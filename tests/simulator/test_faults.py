@@ -1001,8 +1001,8 @@ SHOWS: dict[str, Callable[[Bench], None]] = {
     "wrong_rate": is_slow,
     "old_stamps": has_old_stamps,
 }
-#: Those of buses are in firmware/test_can_faults.py.
-ELSEWHERE = (Layer.PROCESS, Layer.BUS)
+#: Those of buses are in firmware/test_can_faults.py, those of controllers in ../icub_tests/test_cartesian_control.py.
+ELSEWHERE = (Layer.PROCESS, Layer.BUS, Layer.CONTROLLER)
 IN_PROCESS = [kind for kind in KINDS.values() if kind.layer not in ELSEWHERE]
 
 

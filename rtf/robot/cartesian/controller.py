@@ -109,6 +109,17 @@ class CartesianController(TaskController[Settings], ICartesianControl):
         self._virtual: FloatArray = np.eye(4)  # the target of a streamed velocity
         self._periods = 0
 
+    @property
+    def chain(self) -> Chain:
+        """The chain to the frame of the hand, with the limits of the board; another hand has another one."""
+        return self._chain
+
+    @chain.setter
+    def chain(self, chain: Chain) -> None:
+        with self.lock:
+            self._chain = chain
+            self._use(self._settings)
+
     # Motions ---------------------------------------------------------------------------------------------------------
 
     def go_to(self, target: Values, duration: float | None = None) -> None:

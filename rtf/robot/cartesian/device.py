@@ -112,16 +112,16 @@ class ControlledServer:
 
     def __init__(self, controller: CartesianController, server: CartesianServer) -> None:
         self.period = server.period
-        self._controller, self._server = controller, server
+        self.controller, self.server = controller, server
 
     def publish(self, now: float) -> None:
         """Control, then publish. Raises RobotError."""
         try:
-            self._controller.publish(now)
+            self.controller.publish(now)
         finally:
-            self._server.publish(now)
+            self.server.publish(now)
 
     def close(self) -> None:
         """End a motion, and close the ports."""
-        self._controller.stop()
-        self._server.close()
+        self.controller.stop()
+        self.server.close()

@@ -53,7 +53,7 @@ class TaskServer(StreamServer[T]):
         outlets: Outlets | None = None,
     ) -> None:
         super().__init__(name, network=network, period=period, outlets=outlets)
-        self._task = control
+        self.task = control  # which answers the requests
         self._event_stamps = StampCounter()
         with ExitStack() as opened:
             self.open_ports([f"{name}{end}" for end in self.streams], VECTOR)
@@ -75,7 +75,7 @@ class TaskServer(StreamServer[T]):
 
     def answer(self, request: Bottle) -> Bottle:
         """Return the reply to a request. Raises RobotError and BottleError, which stand for ``[nack]``."""
-        return self.table.answer(self._task, request)
+        return self.table.answer(self.task, request)
 
     def close(self) -> None:
         """Close the ports, after an event that says so."""

@@ -173,6 +173,24 @@ _CAUSES: dict[str, tuple[str, ...]] = {
         "two boards with one address",
         "another bit rate",
     ),
+    "controller silent": (
+        "a controller that has stopped, or hangs",
+        "a solver that has ended, of which it waits for an answer",
+    ),
+    "controller late": ("a loaded machine or network", "a controller that is slower than its period", "lost messages"),
+    "controller limits": (
+        "limits of the board that were changed after the controller had read them",
+        "a controller of another configuration",
+    ),
+    "hand frame": (
+        "a wrong frame of the hand, or a tool, in the controller",
+        "tables of another version of the arm",
+    ),
+    "not in target": ("a controller that ends its motions too early", "joints that yield, or are pushed"),
+    "unreachable": ("a target out of reach", "limits that are too narrow", "a solver that is wrong"),
+    "reach time": ("joints that are late", "a controller that does not keep its period", "a solver that is slow"),
+    "jerky reach": ("a joint that is blocked at times", "a controller that misses periods", "lost commands"),
+    "touched limit": ("a wrong limit in the controller", "a joint that does not follow its commands"),
     "references": ("a lost command", "a board that does not report the command it was given"),
 }
 

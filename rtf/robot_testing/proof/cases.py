@@ -51,6 +51,7 @@ class Case:
     duration: float | None = None
     robot: str = ""
     simulator: dict[str, Any] = field(default_factory=dict)  # parameters of the fixture
+    configuration: str = ""  # the robot whose configuration is started instead
 
     @property
     def name(self) -> str:
@@ -93,6 +94,7 @@ def cases_of(claims: Claims, *, fast: bool = False) -> Iterator[Case]:
         timeout=claims.timeout,
         robot=claims.robot,
         simulator=claims.simulator,
+        configuration=claims.configuration,
     )
     for claim in claims.claims:
         if find_kind(claim.fault).layer in _NOT_IN_SUITES or (fast and not claim.fast):
@@ -140,6 +142,7 @@ def others_of(claims: Claims, reasons: Sequence[Reason]) -> Iterator[Case]:
                 timeout=claims.timeout,
                 robot=claims.robot,
                 simulator=claims.simulator,
+                configuration=claims.configuration,
             )
 
 
@@ -209,4 +212,5 @@ def _case(claims: Claims, claim: Claim, values: dict[str, float]) -> Case:
         claim.duration,
         claims.robot,
         claims.simulator,
+        claims.configuration,
     )

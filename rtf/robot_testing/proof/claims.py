@@ -4,6 +4,8 @@
 
     robot = "bench"                       # the robot of all cases; default: icub
     simulator = { can = true }            # parameters of the fixture that simulates it
+    configuration = "icubSim"             # or a robot of suites/robots that is started by its configuration, with
+                                          # devices such as Cartesian controllers
     parameters = { part = "left_arm" }    # of the test in all cases, besides those of a case
     fast_parameters = { joints = [1, 3] } # for the healthy robot in the fast subset
 
@@ -46,7 +48,7 @@ if TYPE_CHECKING:
     from rtf.robot.model import RobotModel
 
 _KINDS = ("finds", "silent", "expected")
-_TOP = {"robot", "simulator", "parameters", "fast_parameters", "timeout", *_KINDS}
+_TOP = {"robot", "simulator", "configuration", "parameters", "fast_parameters", "timeout", *_KINDS}
 _ENTRY = {"fault", "target", "values", "names", "parameters", "reason", "fast", "delay", "duration"}
 
 
@@ -83,6 +85,7 @@ class Claims:
     fast_parameters: dict[str, Any] = field(default_factory=dict)
     robot: str = ""  # the name of the robot of all cases; none: the default robot
     simulator: dict[str, Any] = field(default_factory=dict)
+    configuration: str = ""  # the robot of suites/robots whose configuration is started, instead of the simulator
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +131,11 @@ def read_claims(path: Path) -> Claims:
         claims = [_with_part(claim, robot) for claim in claims]
     parameters, fast, simulator = (dict(data.get(key, {})) for key in ("parameters", "fast_parameters", "simulator"))
     timeout = float(data.get("timeout", 300.0))
-    return Claims(type(test).__name__, path, parameters, tuple(claims), timeout, of_a_part, fast, robot, simulator)
+    configuration = str(data.get("configuration", ""))
+    if configuration and simulator:
+        raise ClaimsError(f"{path}: simulator and configuration exclude each other")
+    name = type(test).__name__
+    return Claims(name, path, parameters, tuple(claims), timeout, of_a_part, fast, robot, simulator, configuration)
 
 
 def _read(path: Path) -> dict[str, Any]:

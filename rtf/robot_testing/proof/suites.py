@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from xml.sax.saxutils import escape, quoteattr
 
 from rtf.robot_testing.proof.claims import ClaimsError
+from rtf.testing.plugins import shipped_folder
 from rtf.testing.suite.xml import load_suite
 
 if TYPE_CHECKING:
@@ -28,11 +29,12 @@ _HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 <!-- Made by `rtf proof`. -->
 <suite name="proof-{number}">{environment}
     <fixture name="names-{number}" param="--namespace /proof-{number}"> yarpserver </fixture>
-    <fixture name="robot-{number}" depends="names-{number}" param="--clock /proof-{number}/clock">
-        <parameter name="cameras">{cameras}</parameter>{simulator}
-        simulator
+    <fixture name="robot-{number}" depends="names-{number}"{robot}
     </fixture>
 """
+_SIMULATOR = """ param="--clock /proof-{number}/clock">
+        <parameter name="cameras">{cameras}</parameter>{simulator}
+        simulator"""
 
 
 def write_suites(cases: Sequence[Case], folder: Path) -> tuple[list[Path], dict[str, Case]]:
@@ -44,9 +46,9 @@ def write_suites(cases: Sequence[Case], folder: Path) -> tuple[list[Path], dict[
         file.unlink()
     files: list[Path] = []
     by_test: dict[str, Case] = {}
-    of_robots: dict[tuple[str, str], list[Case]] = {}
+    of_robots: dict[tuple[str, str, str], list[Case]] = {}
     for case in cases:
-        of_robots.setdefault((case.robot, str(case.simulator)), []).append(case)
+        of_robots.setdefault((case.robot, str(case.simulator), case.configuration), []).append(case)
     shares = [group[first : first + _CASES] for group in of_robots.values() for first in range(0, len(group), _CASES)]
     for number, share in enumerate(shares):
         files.append(folder / f"proof-{number}.xml")
@@ -78,12 +80,32 @@ def _suite(number: int, cases: Sequence[Case], by_test: dict[str, Case]) -> str:
         f"\n        <parameter name={quoteattr(key)}>{escape(_text(value))}</parameter>"
         for key, value in cases[0].simulator.items()
     )
-    parts = [_HEAD.format(number=number, cameras=cameras, environment=environment, simulator=simulator)]
+    if cases[0].configuration:
+        fixture = f">\n{configured_robot(cases[0].configuration, f'/proof-{number}/clock')}"
+    else:
+        fixture = _SIMULATOR.format(number=number, cameras=cameras, simulator=simulator)
+    parts = [_HEAD.format(number=number, environment=environment, robot=fixture)]
     for place, case in enumerate(cases):
         test = f"case-{place}"
         by_test[f"proof-{number}/{test}"] = case
         parts.append(_test(test, case))
     return "".join([*parts, "</suite>\n"])
+
+
+def configured_robot(name: str, clock: str, *words: str) -> str:
+    """Return what is in a fixture that starts a robot of ``suites/robots`` by its configuration, in lockstep.
+
+    ``clock`` is the port of its clock, ``words`` are further arguments. Raises ClaimsError for an unknown robot.
+    """
+    path = shipped_folder("suites") / "robots" / name / f"{name}.xml"
+    if not path.is_file():
+        raise ClaimsError(f"configuration: there is no robot {name!r}: {path} does not exist")
+    arguments = " ".join(("--lockstep", "yes", "--clock", clock, *words))
+    return (
+        f'        <parameter name="config">{escape(str(path))}</parameter>\n'
+        f'        <parameter name="arguments">({escape(arguments)})</parameter>\n'
+        "        robotinterface"
+    )
 
 
 def _test(name: str, case: Case) -> str:

@@ -28,6 +28,7 @@ class Layer(Enum):
     SENSOR = "sensor"
     CAMERA = "camera"
     BUS = "bus"
+    CONTROLLER = "controller"
     NETWORK = "network"
     PROCESS = "process"
 
@@ -43,6 +44,7 @@ class Target(Enum):
     BATTERY = "the battery: battery"
     SKIN = "a patch of skin, such as left_hand"
     PORT = "a port that publishes, such as /icubSim/head/state:o"
+    CONTROLLER = "a Cartesian controller of the robot's program, such as /icubSim/cartesianController/left_arm"
     BUS = "a CAN bus, such as left_arm0"
     CAN_BOARD = "a board on a CAN bus, such as left_arm0:2"
     ROBOT = "the robot: no name"

@@ -10,6 +10,7 @@ from rtf.simulator.faults import (
     amplifiers,
     boards,
     can_bus,
+    controllers,
     depth,
     encoder_errors,
     encoders,
@@ -44,6 +45,7 @@ KINDS: Mapping[str, type[Fault]] = {
         sensor_scale,
         skin,
         depth,
+        controllers,
         network,
     )
     for kind in layer.KINDS

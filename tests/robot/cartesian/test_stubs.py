@@ -364,7 +364,7 @@ VALUES = st.recursive(
 def test_any_arguments_are_answered(words, values):
     """Whatever follows the words, the answer is a reply or a refusal, and the controller gets what it expects."""
     server = CartesianServer.__new__(CartesianServer)
-    server.name, server._task = NAME, ScriptedController()
+    server.name, server.task = NAME, ScriptedController()
     try:
         reply = server.answer(Bottle([*words, *values]))
     except RefusedError:

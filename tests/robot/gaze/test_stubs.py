@@ -366,7 +366,7 @@ VALUES = st.recursive(
 def test_any_arguments_are_answered(words, values):
     """Whatever follows the words, the answer is a reply or a refusal, and the controller gets what it expects."""
     server = GazeServer.__new__(GazeServer)
-    server.name, server._task = NAME, ScriptedGaze()
+    server.name, server.task = NAME, ScriptedGaze()
     try:
         reply = server.answer(Bottle([*words, *values]))
     except RefusedError:
