@@ -213,7 +213,7 @@ class InverseKinematics:
 
     @cached_property
     def _postures(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Postures within limits and constraints (rad, m), many of them at limits, where attempts stick; their poses."""
+        """Postures within limits and constraints (rad, m), many at limits, where attempts stick; their poses."""
         chain = self.chain
         generator = np.random.default_rng(0)
         shape = _POSTURES, len(chain)
