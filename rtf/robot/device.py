@@ -64,6 +64,7 @@ SHIPPED: Mapping[str, str] = {
     ),
     "cartesiancontrollerserver": "rtf.robot.cartesian.device:CartesianControllerDevice",
     "cartesiancontrollerclient": "rtf.robot.cartesian.client:CartesianClient",
+    "gazecontrollerserver": "rtf.robot.gaze.device:GazeControllerDevice",
     "gazecontrollerclient": "rtf.robot.gaze.client:GazeClient",
     "icubCalibrator": "rtf.robot.devices.calibrator:BoardCalibrator",
     **_family(

@@ -27,6 +27,7 @@ from rtf.robot.model import load_robot
 from rtf.robot.network.elements import inner, number, whole
 from rtf.robot.network.publishing_device import PublishingDevice
 from rtf.robot.network.request_table import VERSION
+from rtf.robot.network.task_server import ControlledServer
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -89,7 +90,7 @@ class CartesianControllerDevice(PublishingDevice):
         board.attach(devices)
         super().attach({"the chain": board})
 
-    def serve(self, device: Device) -> ControlledServer:
+    def serve(self, device: Device) -> ControlledServer[CartesianController]:
         """Make the controller of a board, and open its ports."""
         part, kind, version = self._type
         controller = CartesianController(
@@ -105,23 +106,3 @@ class CartesianControllerDevice(PublishingDevice):
             controller, self.port_name, network=self.network, period=self.period, outlets=self.outlets
         )
         return ControlledServer(controller, server)
-
-
-class ControlledServer:
-    """A controller and its server, which publishes what the period before has led to."""
-
-    def __init__(self, controller: CartesianController, server: CartesianServer) -> None:
-        self.period = server.period
-        self.controller, self.server = controller, server
-
-    def publish(self, now: float) -> None:
-        """Control, then publish. Raises RobotError."""
-        try:
-            self.controller.publish(now)
-        finally:
-            self.server.publish(now)
-
-    def close(self) -> None:
-        """End a motion, and close the ports."""
-        self.controller.stop()
-        self.server.close()

@@ -4,17 +4,17 @@ Positions are those of :class:`~rtf.robot.kinematics.Eyes`: torso, neck (three j
 degrees. The neck turns the axis of the head to the point, slowly; the eyes follow the point itself all the time, fast,
 and so make up for what the neck still has to do. Saccades, one jump of the eyes to a new point, come before that.
 Where the head is disturbed, the eyes turn against it, by the gyroscope (vestibulo-ocular reflex) and by what the neck
-was told (opto-kinetic response).
+was told (opto-kinetic response). Stabilization holds neck and eyes against what the gyroscope says.
 
 :class:`GazeMotion` is called once a period with measured positions, and says what to command. It knows neither
-boards nor ports nor clocks. Not there: stabilization of the head by the gyroscope.
+boards nor ports nor clocks.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -39,10 +39,13 @@ _NEAR, _PATIENCE = 5.0, 0.25
 _AWAY, _TORSO_SPEED = 2.5, 0.5
 #: A motion is done within these (deg), but not before this time (s).
 _NECK_DONE, _EYES_DONE, _SHORTEST = 0.5, 0.1, 0.1
+#: So long (s) eyes and neck go on after that: boards lag, and the neck may still turn by what counts as done.
+_SETTLING = 0.5
 #: The times (s) of eyes and neck are at least this, and the neck takes at least so much longer.
 _LEAST_EYES, _LEAST_DIFFERENCE = 0.1, 0.2
-#: Rotations (deg/s) that a gyroscope does not tell from none.
-GYRO_THRESHOLD = 5.0
+#: How stabilization follows what the neck should turn the head by in space, 1/s, and the vergence (deg) from which the
+#: eyes take part.
+_STABILIZING, _STABILIZED_VERGENCE = 11.0, 4.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +61,8 @@ class GazeSettings:
     saccade_angle: float = 10.0  # deg, from the axis of the head
     neck_tolerance: float = 0.0  # deg
     tracking: bool = False
+    stabilization: bool = False  # by the gyroscope
+    gyro_threshold: float = 5.0  # deg/s: what it does not tell from no rotation
     neck_ranges: tuple[tuple[float, float], ...] = ()  # deg; none: the limits of the joints
     vergence: float | None = None  # deg: the eyes are bound, straight ahead
 
@@ -74,7 +79,15 @@ class GazeCommand:
     neck: NDArray[np.float64] | None = None  # deg: direct positions; None: leave it
     eyes: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))  # deg/s
     saccade: NDArray[np.float64] | None = None  # deg: a jump of the eyes, instead of the speeds
+    interrupts: bool = False  # a jump of the eyes
     events: Sequence[str] = ()
+
+
+class _Disturbance(NamedTuple):
+    """What turns the head, as it is measured: see :meth:`GazeMotion.step`."""
+
+    rotation: NDArray[np.float64] | None = None
+    speeds: NDArray[np.float64] | None = None
 
 
 class GazeMotion:
@@ -99,6 +112,7 @@ class GazeMotion:
         self.speeds = np.zeros(NECK + 3)
         self.done = True
         self.in_saccade = False
+        self._neck_held = False  # whether the commanded neck is that of the period before
         self._neck = np.zeros(NECK)  # commanded, deg
         self._new = False
         self._age = math.inf  # s, since the point was given
@@ -106,6 +120,9 @@ class GazeMotion:
         self._since_saccade = math.inf
         self._pending = False  # the neck has still to be told of the point
         self._before: NDArray[np.float64] | None = None  # the torso, a period ago
+        self._began = np.zeros(NECK + 3)  # deg
+        self._settling = 0.0  # s that are left
+        self._unturned = np.zeros(NECK)  # deg: what stabilization has still to make up for
 
     # What it is told -------------------------------------------------------------------------------------------------
 
@@ -116,6 +133,8 @@ class GazeMotion:
 
     @settings.setter
     def settings(self, settings: GazeSettings) -> None:
+        if settings.stabilization and not self._settings.stabilization:
+            self._neck_held = False
         self._settings = valid = settings.valid()
         self._neck_filter.duration, self._eyes_filter.duration = valid.neck_time, valid.eyes_time
         self._inverse = self._inverse_of_neck()
@@ -132,25 +151,57 @@ class GazeMotion:
 
     def stop(self) -> None:
         """End a motion where it is; the next period says so."""
-        self.point = None
+        self.point, self.done = None, True
+
+    def abort(self) -> bool:
+        """End a motion at once, without another period; return whether there was one."""
+        moving = bool(self._moved)
+        self.point, self.done, self.in_saccade, self._moved = None, True, False, 0.0
+        self._rest()
+        return moving
+
+    @property
+    def at_work(self) -> bool:
+        """Whether there is something to command."""
+        keeps = self.point is not None and (not self.done or self.settings.tracking or self._settling > 0.0)
+        return bool(keeps or self._moved or self.speeds.any() or self.settings.stabilization)
+
+    def share(self, positions: ArrayLike) -> float:
+        """Return which share of its way a motion has done, 0 to 1, by measured positions (deg).
+
+        It is that of the neck, for eyes go there and back; only where the neck stands it is that of the eyes.
+        """
+        way = self.wanted - self._began
+        done = np.asarray(positions)[self.torso :] - self._began
+        moves = slice(NECK) if np.linalg.norm(way[:NECK]) > _NECK_DONE else slice(NECK, None)
+        length = float(np.linalg.norm(way[moves]))
+        return min(1.0, float(np.linalg.norm(done[moves])) / length) if length else 1.0
 
     # A period --------------------------------------------------------------------------------------------------------
 
     def step(
-        self, positions: ArrayLike, *, rotation: ArrayLike = (0.0, 0.0, 0.0), eyes_there: bool = True
+        self,
+        positions: ArrayLike,
+        *,
+        rotation: ArrayLike | None = None,
+        speeds: ArrayLike | None = None,
+        eyes_there: bool = True,
     ) -> GazeCommand:
         """Return what to command, by measured positions (deg), all of which have been read at the same time.
 
-        ``rotation`` is that of the head (rad/s, in axes of the root) by its gyroscope; ``eyes_there`` says whether the
-        boards have ended a jump of the eyes.
+        ``rotation`` is that of the head (rad/s, in axes of the root) by its gyroscope. The measured ``speeds`` of torso
+        and neck (deg/s) say where the head is carried, which no gyroscope does, and without one also how the torso
+        turns it. ``eyes_there`` says whether the boards have ended a jump of the
+        eyes.
         """
         now = np.asarray(positions, dtype=np.float64).copy()
         now[-1] = max(now[-1], self.eyes.smallest)
         torso_moves = self._torso_moves(now)
         self._age += self.period
         self._since_saccade += self.period
+        disturbance = _Disturbance(*(None if one is None else np.asarray(one) for one in (rotation, speeds)))
         if self.point is None:
-            return self._ended()
+            return self._held(now, disturbance) if self.settings.stabilization else self._ended()
         events: list[str] = []
         jump: NDArray[np.float64] | None = None
         away = self._angle(now)
@@ -167,49 +218,93 @@ class GazeMotion:
             events.append("saccade-done")
         self._aim(now, away, torso_moves=torso_moves)
         if self.done and self._off(now) and self.settings.tracking:
-            self._onset(events)
-        return self._commanded(now, np.asarray(rotation, dtype=np.float64), events, jump)
+            self._onset(now, events)
+        return self._commanded(now, disturbance, events, jump)
 
     def _begin(self, now: NDArray[np.float64], events: list[str]) -> None:
         if self._moved == 0.0:  # at rest
             self._neck_filter.reset()
             self._eyes_filter.reset()
-            self._neck = now[self.torso : self.torso + NECK].copy()
+            self._hold_neck(now)
             self.wanted = now[self.torso :].copy()
         self._new, self._pending = False, True
-        self._onset(events)
+        self._onset(now, events)
 
-    def _onset(self, events: list[str]) -> None:
+    def _hold_neck(self, now: NDArray[np.float64]) -> None:
+        """Begin with the neck where it is, unless it has been commanded until now."""
+        if not self._neck_held:
+            self._neck = now[self.torso : self.torso + NECK].copy()
+            self._unturned = np.zeros(NECK)
+            self._neck_held = True
+
+    def _onset(self, now: NDArray[np.float64], events: list[str]) -> None:
         self.done = False
         if self._moved == 0.0:
             events.append("motion-onset")
             self._moved = self.period
+            self._began = now[self.torso :].copy()
 
     def _ended(self) -> GazeCommand:
         """Stop what still moves."""
-        events = []
-        if self._moved:
-            events = ["motion-done"]
-            self._rest()
-        self.done, self.in_saccade = True, False
-        return GazeCommand(events=events)
+        events = self._end_motion()
+        interrupts, self.in_saccade = self.in_saccade, False
+        self._rest()
+        return GazeCommand(interrupts=interrupts, events=events)
+
+    def _end_motion(self) -> list[str]:
+        """Return the event of a motion that has ended, if there was one."""
+        events = ["motion-done"] if self._moved else []
+        self.done, self._moved = True, 0.0
+        return events
 
     def _rest(self) -> None:
-        self._moved = 0.0
+        self._neck_held, self._settling = False, 0.0
         self.speeds = np.zeros(NECK + 3)
+
+    def _held(self, now: NDArray[np.float64], disturbance: _Disturbance) -> GazeCommand:
+        """Hold head and eyes in space, without a point to look at."""
+        events = self._end_motion()
+        interrupts, self.in_saccade = self.in_saccade, False
+        self._hold_neck(now)
+        neck = self._turned_neck(now, disturbance, np.zeros(NECK))
+        eyes = self._against(now, disturbance) if now[-1] > _STABILIZED_VERGENCE else np.zeros(3)
+        self.speeds = np.concatenate([neck, eyes])
+        return GazeCommand(self._neck.copy(), eyes, interrupts=interrupts, events=events)
+
+    def _turned_neck(
+        self, now: NDArray[np.float64], disturbance: _Disturbance, speeds: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Move the commanded neck by speeds (deg/s), and return these: in space, if it is stabilized."""
+        if self.settings.stabilization and disturbance.rotation is not None:
+            turns = self.eyes.head.jacobian(now[:-3])[3:, self.torso :]
+            felt = np.degrees(np.linalg.lstsq(turns, disturbance.rotation, rcond=None)[0])
+            self._unturned = self._unturned + (speeds - felt) * self.period
+            speeds = _STABILIZING * self._unturned
+        moved = self._neck + speeds * self.period
+        self._neck = np.clip(moved, *self.ranges().T)
+        self._unturned[moved != self._neck] = 0.0  # at a limit
+        return speeds
 
     def _commanded(
         self,
         now: NDArray[np.float64],
-        rotation: NDArray[np.float64],
+        disturbance: _Disturbance,
         events: list[str],
         jump: NDArray[np.float64] | None,
     ) -> GazeCommand:
         if self.done and not self.settings.tracking:
-            return GazeCommand(events=events)
-        neck = self._neck_filter.step(self.wanted[:NECK] - now[self.torso : self.torso + NECK])
-        self._neck = np.clip(self._neck + neck * self.period, *self._ranges().T)
-        counter = self._counter(now, rotation, neck)
+            self._settling -= self.period
+            if self._settling <= 0.0:
+                if self.settings.stabilization:
+                    return self._held(now, disturbance)
+                self._rest()
+                return GazeCommand(events=events)
+        self._hold_neck(now)
+        neck = self._neck_filter.step(
+            self.wanted[:NECK] - self._neck
+        )  # not what is measured: boards lag, and it would overshoot
+        neck = self._turned_neck(now, disturbance, neck)
+        counter = self._counter(now, disturbance, neck)
         self._follow(now, counter)
         eyes = counter.copy()
         if not self.in_saccade:
@@ -218,13 +313,9 @@ class GazeMotion:
         if not self.done:
             self._moved += self.period
             if not self._off(now) and self._moved > _SHORTEST and not self._pending:
-                self.done = True
-                events.append("motion-done")
-                self._moved = 0.0
-                if not self.settings.tracking:
-                    self._rest()
-                    eyes = np.zeros(3)
-        return GazeCommand(self._neck.copy(), eyes, jump, events)
+                events += self._end_motion()
+                self._settling = _SETTLING
+        return GazeCommand(self._neck.copy(), eyes, jump, events=events)
 
     # The neck --------------------------------------------------------------------------------------------------------
 
@@ -255,10 +346,11 @@ class GazeMotion:
     def _inverse_of_neck(self) -> InverseKinematics:
         """Return the inverse of the chain of the head, with the ranges of the neck."""
         head = self.eyes.head
-        ranges = zip(head.joints[self.torso :], self._ranges().tolist(), strict=True)
+        ranges = zip(head.joints[self.torso :], self.ranges().tolist(), strict=True)
         return InverseKinematics(head.limited(dict(ranges)))
 
-    def _ranges(self) -> NDArray[np.float64]:
+    def ranges(self) -> NDArray[np.float64]:
+        """Return the ranges of the neck (deg), (3, 2)."""
         limits: NDArray[np.float64] = self.limits[:NECK]
         if not self.settings.neck_ranges:
             return limits
@@ -273,7 +365,7 @@ class GazeMotion:
         pitch = math.pi / 2 + math.atan2(down[1], down[0])
         roll = -math.pi / 2 - math.atan2(down[1], down[2])
         upright = [_turned(math.degrees(pitch)), _turned(math.degrees(roll)), 0.0]
-        return np.clip(upright, *self._ranges().T)
+        return np.clip(upright, *self.ranges().T)
 
     def _short_of(self, now: NDArray[np.float64], away: float) -> NDArray[np.float64]:
         """Return the point turned towards the axis of the head by the tolerance of the neck."""
@@ -303,7 +395,7 @@ class GazeMotion:
         self.wanted[NECK:] = np.clip(self.wanted[NECK:] + (rates + counter) * self.period, *self.limits[NECK:].T)
 
     def _counter(
-        self, now: NDArray[np.float64], rotation: NDArray[np.float64], neck: NDArray[np.float64]
+        self, now: NDArray[np.float64], disturbance: _Disturbance, neck: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Return the speeds of the eyes (deg/s) against what turns the head."""
         settings = self.settings
@@ -311,11 +403,39 @@ class GazeMotion:
             return np.zeros(3)
         jacobian = self.eyes.fixation_jacobian(now)
         moves = settings.opto_kinetic * jacobian[:, self.torso : -3] @ np.radians(neck)
-        if settings.vestibular and math.degrees(float(np.linalg.norm(rotation))) >= GYRO_THRESHOLD:
-            arm = self.eyes.fixation_point(now) - self.eyes.head_pose(now)[:3, 3]
-            moves = moves + settings.vestibular * np.cross(rotation, arm)
+        if settings.vestibular:
+            moves = moves + settings.vestibular * self._disturbed(now, jacobian, disturbance)
         speeds: NDArray[np.float64] = -np.degrees(np.linalg.lstsq(jacobian[:, -3:], moves, rcond=None)[0])
         return speeds
+
+    def _disturbed(
+        self, now: NDArray[np.float64], jacobian: NDArray[np.float64], disturbance: _Disturbance
+    ) -> NDArray[np.float64]:
+        """Return how the fixation point is moved (m/s): by the gyroscope, without one by the torso's encoders."""
+        rotation, speeds = disturbance
+        carried = np.zeros(len(self.eyes.head)) if speeds is None else np.radians(speeds)
+        if rotation is None:
+            moved: NDArray[np.float64] = jacobian[:, : self.torso] @ carried[: self.torso]
+            return moved
+        if math.degrees(float(np.linalg.norm(rotation))) < self.settings.gyro_threshold:
+            return np.zeros(3)
+        turned: NDArray[np.float64] = (
+            np.cross(rotation, self._arm(now)) + self.eyes.head.jacobian(now[:-3])[:3] @ carried
+        )
+        return turned
+
+    def _against(self, now: NDArray[np.float64], disturbance: _Disturbance) -> NDArray[np.float64]:
+        """Return the speeds of the eyes (deg/s) that hold their point against all of a measured rotation."""
+        if disturbance.rotation is None or self.settings.vergence is not None:
+            return np.zeros(3)
+        jacobian = self.eyes.fixation_jacobian(now)[:, -3:]
+        moved = np.cross(disturbance.rotation, self._arm(now))
+        speeds: NDArray[np.float64] = -np.degrees(np.linalg.lstsq(jacobian, moved, rcond=None)[0])
+        return speeds
+
+    def _arm(self, now: NDArray[np.float64]) -> NDArray[np.float64]:
+        arm: NDArray[np.float64] = self.eyes.fixation_point(now) - self.eyes.head_pose(now)[:3, 3]
+        return arm
 
     def _wants_saccade(self, away: float) -> bool:
         settings = self.settings

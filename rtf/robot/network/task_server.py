@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack, closing
-from typing import TYPE_CHECKING, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar
 
 from rtf import clock
 from rtf.bottle import Bottle, BottleError
@@ -86,6 +86,43 @@ class TaskServer(StreamServer[T]):
 
     def _send(self, event: ControllerEvent) -> None:
         self._events.write(request_table.event(event), envelope=self._event_stamps.next(event.time))
+
+
+class PeriodicControl(Protocol):
+    """A controller that does its work in periods."""
+
+    def publish(self, now: float) -> None:
+        """Do what a period needs, at the robot's time. Raises RobotError."""
+
+    def stop(self) -> None:
+        """End a motion; what that needs of boards is done by the next period."""
+
+
+C = TypeVar("C", bound=PeriodicControl)
+
+
+class ControlledServer(Generic[C]):
+    """A controller and its server, which publishes what the period before has led to."""
+
+    def __init__(self, controller: C, server: TaskServer[Any]) -> None:
+        self.period = server.period
+        self.controller, self.server = controller, server
+
+    def publish(self, now: float) -> None:
+        """Control, then publish. Raises RobotError."""
+        try:
+            self.controller.publish(now)
+        finally:
+            self.server.publish(now)
+
+    def close(self) -> None:
+        """End a motion, and close the ports. A board that cannot be stopped any more is reported."""
+        self.controller.stop()
+        try:
+            self.controller.publish(clock.current().now())
+        except RobotError as error:
+            self.server.network.report(f"{self.server.name}: the motion was not ended: {error}")
+        self.server.close()
 
 
 def _reported(

@@ -1,13 +1,14 @@
-"""Faults of Cartesian controllers that are devices of the program of the simulated robot."""
+"""Faults of controllers that are devices of the program of the simulated robot."""
 
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING, NoReturn, cast
+from typing import TYPE_CHECKING, Any, NoReturn, cast
 
-from rtf.robot.cartesian.device import ControlledServer
+from rtf.robot.cartesian.controller import CartesianController
 from rtf.robot.errors import RefusedError
 from rtf.robot.kinematics.poses import homogeneous
+from rtf.robot.network.task_server import ControlledServer
 from rtf.robot.publishing import PeriodicPublishing
 from rtf.simulator.faults.base import Fault, Layer, Parameter, Target
 
@@ -25,7 +26,7 @@ class _ControllerFault(Fault):
 
     layer = Layer.CONTROLLER
     target_kind = Target.CONTROLLER
-    controlled: ControlledServer
+    controlled: ControlledServer[Any]
 
     def aim(self) -> None:
         published = [one.publisher for one in self.simulation.publishers if isinstance(one, PeriodicPublishing)]
@@ -47,6 +48,8 @@ class ControllerFrame(_ControllerFault):
 
     def begin(self) -> None:
         controller = self.controlled.controller
+        if not isinstance(controller, CartesianController):
+            raise RefusedError(f"{self.kind}: {self.target} controls no hand")
         self._chain = controller.chain
         wrong = homogeneous(self._chain.tip[:3, :3], self._chain.tip[:3, 3] + self._chain.tip[:3, 0] * self.shift / 1e3)
         controller.chain = self._chain.with_tip(wrong)
@@ -59,7 +62,7 @@ class ControllerSilent(_ControllerFault):
     """A controller that takes requests and never answers."""
 
     kind = "controller_silent"
-    description = "The Cartesian controller hangs: it takes requests and does not answer."
+    description = "The controller hangs: it takes requests and does not answer."
     symptom = "Its clients wait for their answers in vain; its poses are sent."
 
     def begin(self) -> None:
