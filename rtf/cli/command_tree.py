@@ -174,6 +174,12 @@ _CAMPAIGN = (
     Command("report", "FILE", "what the runs teach: a page and tables", "rtf.cli.campaign_report:report"),
     Command("compare", "FILE FILE", "what differs between two campaigns", "rtf.cli.campaign_report:compare"),
 )
+_IDL = (
+    Command("check", "FILE", "what is in it, or what is wrong", "rtf.cli.idl:check"),
+    Command("py", "FILE", "a Python module of its messages and services", "rtf.cli.idl:py"),
+    Command("md", "FILE", "its documentation as Markdown", "rtf.cli.idl:md"),
+    Command("html", "FILE", "its documentation as a page", "rtf.cli.idl:html"),
+)
 #: Runs suites; with --server or --on programs on other machines, as YARP's command of this name does.
 _RUN = "rtf.cli.run_node:run"
 RTF = Command(
@@ -195,6 +201,7 @@ RTF = Command(
         ),
         Command("demo", "", "run the demonstration and check every verdict", "rtf.cli.demo:demo", group=_TESTS),
         *_NETWORK,
+        Command("idl", "COMMAND", "interface files: check, Python, documentation", commands=_IDL, group="network"),
         Command("app", "COMMAND", "applications: check, run, stop, status …", commands=_APP, group="network"),
         Command(
             "robotinterface",

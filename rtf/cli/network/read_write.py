@@ -6,7 +6,7 @@ import contextlib
 import os
 import threading
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rtf import clock
 from rtf.bottle import Bottle, as_float, as_int
@@ -16,6 +16,7 @@ from rtf.cli.parser import seconds
 from rtf.middleware.naming.configuration import opening
 from rtf.middleware.ports import remote
 from rtf.middleware.ports.port import Port
+from rtf.middleware.types.codecs import BOTTLE
 from rtf.middleware.wire.contact import Contact
 from rtf.testing.verdict import ExitCode
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
     from rtf.bottle import Value
     from rtf.cli.parser import Parser
+    from rtf.middleware.types.codecs import Codec
     from rtf.middleware.wire.incoming_message import IncomingMessage
 
 #: Standard input, from which people type what the carrier ``human`` needs.
@@ -57,15 +59,24 @@ def read(words: Sequence[str]) -> ExitCode:
         help="ports to read from, and: once (one message), envelope (its envelope, too), trim [N] (N characters of it)",
     )
     add_carrier(parser)
+    parser.add_argument(
+        "--idl", metavar="FILE[:TYPE]", help="an interface file, and its structure that the messages are"
+    )
     options = parser.parse_args(words)
     read_options = _read_options(parser, options.words)
+    if options.idl:
+        from rtf.idl.typed import message_type
+
+        codec: Codec[Any] = message_type(options.idl).codec
+    else:
+        codec = BOTTLE
     network = make_network()
     network.keyboard = _KEYBOARD
     name = opening(os.environ, options.port).name
     if name and remote.exists(network, Contact(name)):
         complain(f"There is a port {name} already.", "choose another name, or end the program that has it")
         return ExitCode.FAILURES
-    printer = _Printer(read_options)
+    printer = _Printer(read_options, codec)
     make = partial(Port, options.port, printer.receive, network=network, outputs=False)
     with contextlib.suppress(KeyboardInterrupt), opened(make) as port:
         progress(f"Port {port.name} active at {port.contact}")
@@ -99,8 +110,9 @@ def _read_options(parser: Parser, words: Sequence[str]) -> _ReadOptions:
 class _Printer:
     """Prints messages in the threads of their senders, which wait for it, so that nothing is lost or queued."""
 
-    def __init__(self, read_options: _ReadOptions) -> None:
+    def __init__(self, read_options: _ReadOptions, codec: Codec[Any]) -> None:
         self._read_options = read_options
+        self._codec = codec
         self._printing = threading.Lock()
         self._over = False
         self._bell = Bell()
@@ -108,7 +120,7 @@ class _Printer:
 
     def receive(self, delivery: IncomingMessage) -> None:
         """Print one message."""
-        message = delivery.read()
+        message = delivery.read(self._codec)
         with self._printing:
             if self._over:
                 return
@@ -118,11 +130,14 @@ class _Printer:
                 self.failure = error
                 self._finish()
 
-    def _print(self, message: Bottle, envelope: str) -> None:
-        text = message.to_text()
-        code, words = message.get(0), message.get(1)
+    def _print(self, message: Any, envelope: str) -> None:  # of the codec
+        if self._codec is BOTTLE:
+            text = message.to_text()
+            code, words = message.get(0), message.get(1)
+        else:
+            text, code, words = repr(message), None, None
         # What programs send that talk to people: a number, which is 1 at the end, and a line.
-        if len(message) == _SPEECH and type(code) is int and isinstance(words, str):
+        if type(code) is int and isinstance(words, str) and len(message) == _SPEECH:
             if code == 1:
                 self._finish()
                 return

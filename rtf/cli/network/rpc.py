@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING
 from rtf.bottle import Bottle, Vocab, to_string
 from rtf.cli.network.options import add_timeout, contact, make_network, make_parser, own_name
 from rtf.cli.network.terminal import ENDING, Bell, complain, opened, progress, say, typed, typed_bottle
+from rtf.errors import RtfError
 from rtf.middleware.carriers.stream_carrier import TCP
 from rtf.middleware.errors import ConnectError, MiddlewareError, NameNotFoundError, PortClosedError
 from rtf.middleware.ports.dialect_probe import dialect_of_reader
 from rtf.middleware.ports.outputs import Output
 from rtf.middleware.ports.rpc import RpcServer
-from rtf.middleware.types.codecs import BOTTLE
+from rtf.middleware.types.codecs import BOTTLE, codec_of
 from rtf.middleware.wire.outgoing_message import OutgoingMessage
 from rtf.testing.verdict import ExitCode
 
@@ -26,7 +27,9 @@ if TYPE_CHECKING:
     from typing import Self
 
     from rtf.cli.parser import Parser
+    from rtf.idl.typed import TypedCalls
     from rtf.middleware.ports.network import Network
+    from rtf.middleware.types.record import Record
     from rtf.middleware.wire.contact import Contact
 
 #: The name of a caller that has no port of its own.
@@ -38,7 +41,11 @@ def rpc(words: Sequence[str]) -> ExitCode:
     parser = make_parser(
         "rpc",
         "Put questions to a port, one for each line of the standard input, or the one that is given.",
-        "rtf rpc /robot/left_arm/rpc:i '[get] [axes]'\nrtf rpc /robot/left_arm/rpc:i < questions.txt",
+        "rtf rpc /robot/left_arm/rpc:i '[get] [axes]'\nrtf rpc /robot/left_arm/rpc:i < questions.txt\n"
+        "rtf rpc --idl adder.thrift /adder add 2 3",
+    )
+    parser.add_argument(
+        "--idl", metavar="FILE", help="an interface file: check calls, and show results, by its services"
     )
     return _converse(parser, words, "d")
 
@@ -58,11 +65,17 @@ def _converse(parser: Parser, words: Sequence[str], key: str) -> ExitCode:
     parser.add_argument("question", nargs="*", metavar="WORD", help="ask this, and nothing else")
     add_timeout(parser, None, "how long an answer may take; without it as long as it takes")
     options = parser.parse_args(words)
-    questions = iter([" ".join(options.question)]) if options.question else typed(">> ")
+    calls = _typed_calls(options.idl) if getattr(options, "idl", None) else None
+    names = calls.names if calls else ()
+    questions = iter([" ".join(options.question)]) if options.question else typed(">> ", names)
     network = make_network()
     with Caller(network, options.port) as caller:
         for question in questions:
             if not question.strip():
+                continue
+            if calls is not None:
+                if not _call(caller, calls, question, options.timeout):
+                    return ExitCode.FAILURES
                 continue
             try:
                 answer = caller.ask(key, typed_bottle(question), options.timeout)
@@ -73,6 +86,24 @@ def _converse(parser: Parser, words: Sequence[str], key: str) -> ExitCode:
                 return ExitCode.FAILURES
             _show(options.port, answer)
     return ExitCode.PASSED
+
+
+def _typed_calls(path: str) -> TypedCalls:
+    from rtf.idl.typed import TypedCalls
+
+    return TypedCalls(path)
+
+
+def _call(caller: Caller, calls: TypedCalls, question: str, timeout: float | None) -> bool:
+    """Call a function of an interface file, and show the result; returns whether there was one."""
+    try:
+        function, request = calls.request(typed_bottle(question))
+        answer = caller.ask("d", request, timeout)
+        say("(no answer)" if answer is None else calls.shown(function, answer))
+    except RtfError as error:
+        complain(f"{question!r}: {error}", "'help' lists the functions")
+        return False
+    return True
 
 
 def _show(port: Contact, answer: Bottle | None) -> None:
@@ -108,11 +139,11 @@ class Caller:
             raise
         self._dialect = self._reader.dialect or network.dialect
 
-    def ask(self, key: str, question: Bottle, timeout: float | None = None) -> Bottle | None:
+    def ask(self, key: str, question: Bottle | Record, timeout: float | None = None) -> Bottle | None:
         """Send a request, and return the reply; None when the peer has none. Raises MiddlewareError."""
         link = self._link
         link.limit_waiting(timeout)
-        link.send(self._reader.encoded(OutgoingMessage(key, question, BOTTLE, self._dialect)))
+        link.send(self._reader.encoded(OutgoingMessage(key, question, codec_of(question), self._dialect)))
         if timeout is None and link.endpoint is not None:
             ENDING.wait(link.endpoint.fileno())
         answer, self._dialect = link.receive_reply_in_any(BOTTLE, self._dialect)

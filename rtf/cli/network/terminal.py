@@ -13,6 +13,7 @@ import select
 import signal
 import sys
 from contextlib import contextmanager, suppress
+from itertools import islice
 from typing import TYPE_CHECKING, NoReturn, Protocol, TypeVar
 
 from rtf.bottle import Bottle, Dialect, is_complete
@@ -192,13 +193,13 @@ def progress(text: str) -> None:
 # Being spoken to -------------------------------------------------------------------------------------------------
 
 
-def typed(prompt: str = "") -> Iterator[str]:
+def typed(prompt: str = "", words: Sequence[str] = ()) -> Iterator[str]:
     """Yield lines that are typed, or come from a file or program; they are joined while a list or quotes are open.
 
-    On a terminal there is a prompt, and lines can be edited and called back.
+    On a terminal there is a prompt, lines can be edited and called back, and the tabulator completes ``words``.
     """
     text = ""
-    for line in _edited(prompt) if sys.stdin.isatty() else _piped(sys.stdin.fileno()):
+    for line in _edited(prompt, words) if sys.stdin.isatty() else _piped(sys.stdin.fileno()):
         text = f"{text}\n{line}" if text else line
         if is_complete(text):
             yield text
@@ -212,9 +213,15 @@ def typed_bottle(text: str) -> Bottle:
     return Bottle.parse(text, dialect=Dialect.YARP4)
 
 
-def _edited(prompt: str) -> Iterator[str]:
-    import readline  # noqa: F401 - gives input() a memory
+def _edited(prompt: str, words: Sequence[str]) -> Iterator[str]:
+    import readline  # gives input() a memory
 
+    def completed(begun: str, number: int) -> str | None:
+        return next(islice((word for word in words if word.startswith(begun)), number, None), None)
+
+    if words:
+        readline.set_completer(completed)
+        readline.parse_and_bind("tab: complete")
     with suppress(EOFError):
         while True:
             yield input(prompt)

@@ -12,10 +12,13 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from rtf import idl
 from rtf.bottle import Bottle, Dialect
 from rtf.bottle.binary import encode
 from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.port import Port
+from rtf.middleware.ports.rpc import RpcServer
+from rtf.middleware.types import Function, Service
 from rtf.middleware.types.codecs import RAW
 
 if TYPE_CHECKING:
@@ -269,3 +272,29 @@ def _send(net: Net, name: str, text: str) -> None:
     with socket.create_connection((contact.host, contact.port), 10) as connection:
         connection.sendall(text.encode())
         connection.recv(100)
+
+
+class TestInterfaceFiles:
+    """Calls and messages that an interface file describes."""
+
+    def test_calls_are_checked_and_messages_have_names(self, net: Net, tmp_path: Path):
+        """A wrong call is not sent; results and messages are shown by their types."""
+        file = tmp_path / "adder.thrift"
+        file.write_text(
+            "struct Place { 1: double x, 2: string name }\nservice Adder { double add(1: double a); Place place() }"
+        )
+        place, network = idl.load(file).Place(1.5, "here"), Network(net.names)
+        functions = {"add": Function(lambda a: a + 1), "place": Function(lambda: (1.5, "here"))}
+        with RpcServer("/adder", Service(functions).answer, network=network) as server:
+            words = ("rpc", "--idl", str(file), server.name)
+            assert net.run(*words, "add", "2").stdout == "3.0\n"
+            assert net.run(*words, "place").stdout == "Place(x=1.5, name='here')\n"
+            wrong = net.run(*words, "ad", "2")
+            assert (wrong.process.returncode, "there is no function ad; did you mean add?" in wrong.stderr) == (1, True)
+            wrong = net.run(*words, "add", "two")
+            assert "'two' is not of the type double; the call is double add(double a)" in wrong.stderr
+        reader = net.opened("/reader", "read", "/reader", "once", "--idl", f"{file}:Place")
+        with Port("/writer", network=network, inputs=False) as writer:
+            writer.add_output("/reader")
+            writer.write(place)
+        reader.until_printed("Place(x=1.5, name='here')")
