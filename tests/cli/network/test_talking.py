@@ -298,3 +298,4 @@ class TestInterfaceFiles:
             writer.add_output("/reader")
             writer.write(place)
         reader.until_printed("Place(x=1.5, name='here')")
+        assert reader.wait() == 0
