@@ -66,6 +66,7 @@ _LONGEST = (
 #: Files and folders of tests that repeat at length what others show, or that try the scripts of measurements.
 _LONG = (
     "benchmarks/",
+    "icub_tests/test_demo_red_ball.py",
     "icub_tests/test_same_seed.py",
     "icub_tests/test_stimuli.py",
     "icub_tests/test_yarp_4.py",

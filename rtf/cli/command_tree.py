@@ -165,7 +165,10 @@ _CAN = (
     _can("dbc", "[FILE]", "a DBC file of the messages, for other tools", "files:dbc"),
     _can("messages", "", "all messages, in Markdown", "files:messages"),
 )
-_RED_BALL = (Command("track", "", "find it in pictures of the eyes", "rtf.cli.red_ball:track", on_network=False),)
+_RED_BALL = (
+    Command("track", "", "find it in the pictures of the eyes", "rtf.cli.red_ball:track"),
+    Command("demo", "", "look at it and reach for it, on request", "rtf.cli.red_ball:demo"),
+)
 _CAMPAIGN = (
     Command("run", "FILE", "run it, or go on with it", "rtf.cli.campaign:run"),
     Command("plan", "FILE", "how many runs, how long, how much disk", "rtf.cli.campaign:plan"),

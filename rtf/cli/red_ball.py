@@ -9,6 +9,7 @@ from rtf.robot.model.names import DEFAULT_ROBOT
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from contextlib import ExitStack
 
 _TRACK_EPILOG = """\
 ports, as those of pf3dTracker:
@@ -19,6 +20,24 @@ ports, as those of pf3dTracker:
 examples:
   rtf red-ball track --robot icubSim
   rtf read ... /pf3dTracker/data:o
+"""
+
+_DEMO_EPILOG = """\
+what it needs:
+  the robot with its eyes, its Cartesian controllers (/ROBOT/cartesianController/left_arm ...), a gaze controller,
+  and the tracker: rtf red-ball track
+
+requests of NAME/rpc:
+  start [AZI ELE VER]      look at azimuth, elevation, vergence (deg), then follow the ball
+  stop                     stop, and go home
+  update_pose DX DY DZ     put the ball of a simulator at an offset (m) from its first place
+  status                   what it does, why, and where the ball is
+
+examples:
+  rtf robotinterface --config redBall.xml
+  rtf red-ball track
+  rtf red-ball demo
+  rtf rpc /demoRedBall/rpc start 0 -50 10
 """
 
 
@@ -46,7 +65,44 @@ def track(words: Sequence[str]) -> int:
     settings = TrackerSettings(
         load_robot(options.model), options.robot, options.name, options.radius, options.field_of_view, options.one_eye
     )
-    return run_program(options.name, lambda opened: start_tracker(settings, network, opened))
+
+    def start(opened: ExitStack) -> None:
+        start_tracker(settings, network, opened)
+
+    return run_program(options.name, start)
+
+
+def demo(words: Sequence[str]) -> int:
+    """Run the demonstration until a signal; returns the exit code."""
+    parser = Parser(
+        prog="rtf red-ball demo",
+        description="Have a robot look at the red ball and reach for it, when it is asked to.",
+        epilog=_DEMO_EPILOG,
+    )
+    _add_robot(parser)
+    parser.add_argument("--name", metavar="/PORT", default="/demoRedBall", help="its ports (default: /demoRedBall)")
+    parser.add_argument("--gaze", metavar="/PORT", default="/iKinGazeCtrl", help="the gaze controller (/iKinGazeCtrl)")
+    parser.add_argument(
+        "--tracker", metavar="/PORT", default="/pf3dTracker", help="the tracker (/pf3dTracker); '': others connect it"
+    )
+    parser.add_argument("--hands", choices=("left", "right", "both"), default="both", help="which hands reach")
+    options = parser.parse_args(words)
+    from rtf.cli.network.options import make_network
+    from rtf.red_ball.demo import DemoSettings
+    from rtf.red_ball.program import run_program, say, start_demo
+    from rtf.robot.model import load_robot
+
+    network = make_network()
+    network.report = say
+    settings = DemoSettings(
+        load_robot(options.model),
+        options.robot,
+        options.name,
+        options.tracker,
+        options.gaze,
+        ("left", "right") if options.hands == "both" else (options.hands,),
+    )
+    return run_program(options.name, lambda opened: start_demo(settings, network, opened))
 
 
 def _add_robot(parser: Parser) -> None:

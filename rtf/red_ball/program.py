@@ -9,11 +9,13 @@ from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from rtf import clock
 from rtf.bottle import Property
 from rtf.errors import RtfError
-from rtf.middleware.clocks.network_clock import CLOCK_VARIABLE
+from rtf.middleware.clocks.network_clock import CLOCK_VARIABLE, clock_from_environment
 from rtf.middleware.ports import remote
 from rtf.middleware.wire.contact import Contact
+from rtf.red_ball.demo import TRACKER, Demo
 from rtf.red_ball.eyes import cameras_of
 from rtf.red_ball.history import Positions
 from rtf.red_ball.tracker import Tracker
@@ -27,10 +29,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from rtf.middleware.ports.network import Network
+    from rtf.red_ball.demo import DemoSettings
     from rtf.robot.model import RobotModel
 
 FINE, FAILED = 0, 1
-TRACKER = "/pf3dTracker"
 #: The carrier of pictures and states: it waits until a message has been received.
 CARRIER = "tcp"
 
@@ -45,25 +47,31 @@ def in_lockstep() -> bool:
     return os.environ.get(CLOCK_VARIABLE, "").startswith("lockstep:")
 
 
-def run_program(name: str, start: Callable[[ExitStack], object]) -> int:
+def run_program(name: str, start: Callable[[ExitStack], Callable[[threading.Event], object] | None]) -> int:
     """Start a program, and run it until a signal ends it; return the exit code. For the main thread.
 
-    ``start`` opens all that is closed at the end.
+    ``start`` opens all that is closed at the end, and may return what is run until the event is set.
     """
     end = threading.Event()
 
     def on_signal(number: signal.Signals) -> None:
         say(f"{number.name}: ends")
         end.set()
+        clock.current().close()  # in lockstep its time may never pass
 
     with signal_listener(on_signal), ExitStack() as opened:
         try:
-            start(opened)
+            run = start(opened)
         except (RtfError, OSError) as error:
             say(f"FAILED: {name} could not be started: {error}")
             return FAILED
         say(f"READY {name}")
-        end.wait()
+        try:
+            (run or threading.Event.wait)(end)
+        except (RtfError, OSError) as error:
+            if not end.is_set():
+                say(f"FAILED: {name}: {error}")
+                return FAILED
     return FINE
 
 
@@ -77,6 +85,12 @@ class TrackerSettings:
     radius: float = BALL_RADIUS  # m
     field_of_view: float = 0.0  # vertical, deg; 0: ask the left camera
     one_eye: bool = False
+
+
+def start_demo(settings: DemoSettings, network: Network, opened: ExitStack) -> Callable[[threading.Event], object]:
+    """Open the demonstration, in the time of the robot; return its loop. Raises RtfError."""
+    opened.enter_context(clock.use(clock_from_environment(network)))
+    return opened.enter_context(closing(Demo(settings, network=network))).run
 
 
 def start_tracker(settings: TrackerSettings, network: Network, opened: ExitStack) -> Tracker:

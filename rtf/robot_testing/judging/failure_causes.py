@@ -67,6 +67,17 @@ _CAUSES: dict[str, tuple[str, ...]] = {
     "backlash": ("play in the gearbox", "a loose cable of the transmission"),
     "camera frozen": ("a camera that has stopped", "a driver that repeats its last picture"),
     "cameras swapped": ("exchanged cables of cameras", "exchanged names in the configuration of the cameras"),
+    "eyes": (
+        "a wrong zero of an encoder of the head or the torso",
+        "a camera that is turned in its mounting",
+        "a wrong field of view, or another radius of the ball",
+        "something before the ball",
+    ),
+    "reach": (
+        "a wrong zero of an encoder of the arm or the torso",
+        "a joint that does not follow its commands",
+        "a ball out of reach",
+    ),
     "camera dark": ("a cap on the lens", "an exposure of zero", "a dead sensor"),
     "camera size": ("a wrong size in the configuration of the driver",),
     "orientation": ("an IMU mounted in another orientation", "a wrong frame in the model"),

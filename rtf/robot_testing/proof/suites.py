@@ -95,9 +95,11 @@ def _suite(number: int, cases: Sequence[Case], by_test: dict[str, Case]) -> str:
 def configured_robot(name: str, clock: str, *words: str) -> str:
     """Return what is in a fixture that starts a robot of ``suites/robots`` by its configuration, in lockstep.
 
-    ``clock`` is the port of its clock, ``words`` are further arguments. Raises ClaimsError for an unknown robot.
+    ``icubSim/redBall`` is another file of the robot ``icubSim``. ``clock`` is the port of its clock, ``words`` are
+    further arguments. Raises ClaimsError for an unknown robot.
     """
-    path = shipped_folder("suites") / "robots" / name / f"{name}.xml"
+    folder, _, file = name.rpartition("/")
+    path = shipped_folder("suites") / "robots" / (folder or file) / f"{file}.xml"
     if not path.is_file():
         raise ClaimsError(f"configuration: there is no robot {name!r}: {path} does not exist")
     arguments = " ".join(("--lockstep", "yes", "--clock", clock, *words))
