@@ -21,6 +21,8 @@ from gaze_bench import EYES, SimulatedGaze, random_point
 SETTLE, STEP = 0.1, 0.02
 #: The torso turns at this speed (deg/s), for this time (s), to one side and back.
 SPEED, TURN = 20.0, 1.0
+#: After this time (s) it turns evenly; before that it is accelerated.
+EVEN = 0.2
 TURNS = {"pitch": (1.0, 0.0, 0.0), "roll": (0.0, 1.0, 0.0), "yaw": (0.0, 0.0, 1.0)}
 REFLEXES = {"gyroscope": (1.0, 0.0), "no reflex": (0.0, 0.0)}
 
@@ -48,26 +50,27 @@ def look_around(robot: SimulatedGaze, count: int, generator: np.random.Generator
         print(row(f"  motion done ({unended} did not end)", times, "s"))
 
 
-def turn_under_it(robot: SimulatedGaze, vor: float, ocr: float) -> list[float]:
-    """Errors while the torso turns to both sides about each of its axes, and the gaze is kept."""
+def turn_under_it(robot: SimulatedGaze, vor: float, ocr: float) -> tuple[list[float], list[float]]:
+    """Errors while the torso turns to both sides about each of its axes, and the gaze is kept: evenly, and before."""
     gaze = robot.gaze
     gaze.set_vor_gain(vor)
     gaze.set_ocr_gain(ocr)
-    errors = []
+    even: list[float] = []
+    begins: list[float] = []
     for axis in TURNS.values():
         point = EYES.point_of((5.0, -5.0, 5.0))
         gaze.set_tracking(True)
         robot.look(point)
         robot.run(0.5)
         for sign in (1.0, -1.0):
-            for _ in range(round(TURN / STEP)):
+            for number in range(round(TURN / STEP)):
                 robot.turn_torso(np.array(axis) * SPEED * sign)  # boards stop a joint without commands
                 robot.run(STEP)
-                errors.append(robot.error(point))
+                (even if number * STEP >= EVEN else begins).append(robot.error(point))
         robot.turn_torso((0.0, 0.0, 0.0))
         robot.run(0.5)
         gaze.set_tracking(False)
-    return errors
+    return even, begins
 
 
 def main() -> None:
@@ -82,7 +85,9 @@ def main() -> None:
         print(f"{'':<44} {'median':>8} {'p99':>8} {'max':>8}")
         look_around(robot, given.points, np.random.default_rng(given.seed))
         for name, (vor, ocr) in REFLEXES.items():
-            print(row(f"torso at {SPEED:g} deg/s, {name}", turn_under_it(robot, vor, ocr), "deg"))
+            even, begins = turn_under_it(robot, vor, ocr)
+            print(row(f"torso at {SPEED:g} deg/s, {name}", even, "deg"))
+            print(row(f"  in the first {EVEN:g} s of a turn", begins, "deg"))
         print(f"{time.process_time() - begin:.0f} s of the processor")
 
 
