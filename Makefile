@@ -57,7 +57,7 @@ format: .venv/installed-for-tests
 .venv/installed: pyproject.toml packages.apt
 	@bash tools/system-packages packages.apt
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[can,lua,sim]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[can,kinematics,lua,sim]'
 	@touch .venv/installed
 
 .venv/installed-for-tests: .venv/installed packages-test.apt tests/browser/package.json

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rtf.bottle import Bottle, Property, Vocab, as_float, as_string
+from rtf.bottle import Bottle, Property, Vocab, as_float, as_list, as_string
 from rtf.errors import RtfError
 from rtf.middleware.ports.remote import exists
 from rtf.middleware.ports.rpc import RpcClient
@@ -100,6 +100,25 @@ class DemoRedBall(RobotTest):
     )
     home_tolerance = Parameter(float, "greatest distance from home", unit="deg", default=5.0, low=0.1)
     film = Parameter(bool, "attach a film of it", default=False)
+    general = Parameter(
+        Bottle, "this section of config-test.ini of the original: reach_tol, left_arm, right_arm", default=Bottle()
+    )
+    home_arm = Parameter(Bottle, "this section of it: poss, the home of an arm", default=Bottle())
+
+    def check_parameters(self, folder: str) -> None:
+        super().check_parameters(folder)
+        self._take_file()
+
+    def _take_file(self) -> None:
+        """Take what a file of the original says instead. The fixation point has twice the tolerance of the hand."""
+        if self.general.check("reach_tol"):
+            self.reach_tolerance = as_float(self.general.find("reach_tol"))
+            self.gaze_tolerance = 2.0 * self.reach_tolerance
+        if len(self.general):
+            self.hands = [eye for eye in _EYES if as_string(self.general.find(f"{eye}_arm")) != "off"]
+        home = as_list(self.home_arm.find("poss"))
+        if home is not None and len(home) == _ARM:
+            self.home = [as_float(one) for one in home]
 
     def parameter_problems(self) -> list[str]:
         wrong = [hand for hand in self.hands if hand not in _EYES]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Self
 
 from rtf import clock
 from rtf.applications import connections
-from rtf.applications.deployers import LocalDeployer, find_deployer, request_of
+from rtf.applications.deployers import LocalDeployer, find_deployer, program_of, request_of
 from rtf.applications.errors import ApplicationError
 from rtf.applications.events import Event, Kind, State, Unit
 from rtf.applications.links import Links
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from rtf.applications.events import Say
     from rtf.applications.run.protocol import Ending
     from rtf.applications.substitutions import Entry
-    from rtf.applications.xml.model import Application, Computer, Module
+    from rtf.applications.xml.model import Application, Computer, Connection, Module
 
 #: Seconds between two looks at modules and at ports that are waited for, and between two looks at connections.
 LOOK, _LOOK_AT_LINKS = 0.25, 2.0
@@ -192,13 +192,30 @@ class Manager:
         return True
 
     def _connect_all(self) -> bool:
-        """Connect all ports as soon as they are there; modules are watched meanwhile. Returns whether all are."""
+        """Connect all ports as soon as they are there; modules are watched meanwhile. Returns whether all are.
+
+        Connections of optional modules that are not there are left out.
+        """
+        wanted = []
+        for one in self.application.connections:
+            if missing := next((unit for unit in self.units if self._lacks(unit, one)), None):
+                self._say(Kind.IGNORED, f"{one} is not connected: {missing.reason}")
+            else:
+                wanted.append(one)
         deadline = clock.Deadline.after(_CONNECTING)
-        while not (done := self.links.connect(last=deadline.expired)) and not deadline.expired:
+        while not (done := self.links.connect(wanted, last=deadline.expired)) and not deadline.expired:
             if self._ending.wait(LOOK):
                 return False
             self.watch_modules()
         return done
+
+    def _lacks(self, unit: Unit, connection: Connection) -> bool:
+        """Return whether a connection needs an optional module that is not there, by the names of its ports."""
+        if not (unit.state is State.MISSING and unit.optional):
+            return False
+        stem = f"/{program_of(unit.module)}/"
+        ends = (connection.source.port, connection.target.port)
+        return any(self._ports[unit.index].opens(port) or f"{port}/".startswith(stem) for port in ends)
 
     def begin(self, units: Sequence[Unit]) -> None:
         """Begin to start modules that do not run; ``watch_once`` goes on. Their connections are made, too."""

@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 BATTERY = ("control", "encoders", "motors", "basics", "stress", "sensors", "streams")
 #: The suite with a share of the battery on a robot of YARP 4.
 YARP4_SHARE = "yarp4"
+#: The suite in which a robot looks at a red ball and reaches for it, of which it makes a film.
+RED_BALL = "redball"
 #: The suite with a share of it on a robot whose boards are on CAN buses.
 CAN_SHARE = "bus"
 
@@ -157,6 +159,8 @@ def _battery(runs: Path, dialect: Dialect | None) -> _Shown:
     wrong = [f"battery: {test.id}: {test.verdict}" for test in tests if test.verdict is None or not test.verdict.good]
     if code != ExitCode.PASSED and not wrong:
         wrong.append(f"battery: it ended with exit code {code}")
+    for film in sorted((runs / "latest").glob("files/*/*/red-ball.webp")):
+        print(f"A film of a robot that looks at a red ball and reaches for it: {film.resolve()}")
     on_4, on_can = (sum(test.id.startswith(f"{share}/") for test in tests) for share in (YARP4_SHARE, CAN_SHARE))
     note = f"; battery: {len(tests) - on_4 - on_can} tests with YARP {dialect or 3}"
     note += f", {on_4} with YARP 4" if on_4 else ""
@@ -170,20 +174,23 @@ def battery_suites(dialect: Dialect | None) -> tuple[str, ...]:
     One of them has a robot of YARP 4, unless a dialect is set, and one has a robot with CAN buses, if python-can is
     installed.
     """
-    return *BATTERY, *_cameras(), *([] if dialect else [YARP4_SHARE]), *([CAN_SHARE] if find_spec("can") else [])
+    return *_cameras(), *BATTERY, *([] if dialect else [YARP4_SHARE]), *([CAN_SHARE] if find_spec("can") else [])
 
 
 def _cameras() -> tuple[str, ...]:
-    """Return the suite of the cameras, if the machine can make pictures."""
+    """Return the suites of the cameras and of the red ball, if the machine can make pictures."""
     from rtf.simulator.errors import RenderingError
     from rtf.simulator.rendering import rendering_back_end
 
     try:
         rendering_back_end()
     except RenderingError as error:
-        print(f"Without the tests of the cameras: {error}")
+        print(f"Without the tests of the cameras, and without the red ball: {error}")
         return ()
-    return ("cameras",)
+    if not find_spec("daqp"):
+        print("Without the red ball: pip install 'rtf[kinematics]'")
+        return ("cameras",)
+    return RED_BALL, "cameras"
 
 
 def compare(results: RunResult, expected: dict[str, dict[str, object]]) -> list[str]:

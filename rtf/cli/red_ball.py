@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rtf.cli.parser import Parser, add_dialect
+from rtf.cli.parser import Parser, add_dialect, seconds
 from rtf.robot.model.names import DEFAULT_ROBOT
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ requests of NAME/rpc:
   status                   what it does, why, and where the ball is
 
 examples:
-  rtf robotinterface --config redBall.xml
+  rtf robotinterface --config icubSim/redBall.xml
   rtf red-ball track
   rtf red-ball demo
   rtf rpc /demoRedBall/rpc start 0 -50 10
@@ -57,13 +57,20 @@ def track(words: Sequence[str]) -> int:
     parser.add_argument("--one-eye", action="store_true", help="the left eye alone: the distance is that by the size")
     options = parser.parse_args(words)
     from rtf.cli.network.options import make_network
-    from rtf.red_ball.program import TrackerSettings, run_program, say, start_tracker
+    from rtf.red_ball.program import TrackerSettings, run_program, say, start_tracker, use_clock
     from rtf.robot.model import load_robot
 
+    use_clock(options.clock)
     network = make_network()
     network.report = say
     settings = TrackerSettings(
-        load_robot(options.model), options.robot, options.name, options.radius, options.field_of_view, options.one_eye
+        load_robot(options.model),
+        options.robot,
+        options.name,
+        options.radius,
+        options.field_of_view,
+        one_eye=options.one_eye,
+        patience=options.patience,
     )
 
     def start(opened: ExitStack) -> None:
@@ -89,9 +96,10 @@ def demo(words: Sequence[str]) -> int:
     options = parser.parse_args(words)
     from rtf.cli.network.options import make_network
     from rtf.red_ball.demo import DemoSettings
-    from rtf.red_ball.program import run_program, say, start_demo
+    from rtf.red_ball.program import run_program, say, start_demo, use_clock
     from rtf.robot.model import load_robot
 
+    use_clock(options.clock)
     network = make_network()
     network.report = say
     settings = DemoSettings(
@@ -101,6 +109,7 @@ def demo(words: Sequence[str]) -> int:
         options.tracker,
         options.gaze,
         ("left", "right") if options.hands == "both" else (options.hands,),
+        patience=options.patience,
     )
     return run_program(options.name, lambda opened: start_demo(settings, network, opened))
 
@@ -112,5 +121,14 @@ def _add_robot(parser: Parser) -> None:
         metavar="ROBOT",
         default=DEFAULT_ROBOT,
         help=f"a robot of 'rtf robot list', or the path of a robot.toml (default: {DEFAULT_ROBOT})",
+    )
+    parser.add_argument(
+        "--patience", metavar="S", type=seconds, default=20.0, help="how long it waits for the robot (default: 20)"
+    )
+    parser.add_argument(
+        "--clock",
+        metavar="/PORT",
+        default="",
+        help="the robot's clock: /clock, or lockstep:/clock (default: RTF_CLOCK)",
     )
     add_dialect(parser)

@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING
 from rtf.bottle import as_string
 from rtf.cli.parser import Parser, add_dialect, seconds
 from rtf.errors import RtfError
-from rtf.resources import ResourceFinder, parse_arguments
+from rtf.resources import ResourceFinder, ResourceNotFoundError, parse_arguments
 from rtf.robot.interface.log import Level
 from rtf.robot.interface.program import FINE, WRONG, ConsoleLog
 from rtf.robot.interface.robot_reader import ReadResult, read_robot
+from rtf.testing.plugins import shipped_folder
 
 if TYPE_CHECKING:
     import argparse
@@ -83,7 +84,8 @@ def _parser() -> Parser:
     parser.add_argument(
         "--config",
         metavar="ROBOT.xml",
-        help="the file, looked for where YARP looks (default: what yarprobotinterface.ini says)",
+        help="the file, looked for where YARP looks, then among the robots of RTF, such as icubSim/icubSim.xml "
+        "(default: what yarprobotinterface.ini says)",
     )
     parser.add_argument("--dry-run", "--dryrun", action="store_true", help="print what would be done, open nothing")
     parser.add_argument("--svg", metavar="FILE", type=Path, help="with --dry-run: draw it, too")
@@ -126,7 +128,13 @@ def _file(words: Sequence[str]) -> Path:
     if not finder.properties.check("config"):
         _parser().error("there is no --config, and no yarprobotinterface.ini that has one")
     # A finder of its own: the folder of the robot is searched even if the file that names the configuration is in it.
-    path = ResourceFinder(contexts=finder.contexts).find(as_string(finder.properties.find("config")))
+    name = as_string(finder.properties.find("config"))
+    try:
+        path = ResourceFinder(contexts=finder.contexts).find(name)
+    except ResourceNotFoundError:
+        path = shipped_folder("suites") / "robots" / name
+        if not path.is_file():
+            raise
     here = Path.cwd()
     return path.relative_to(here) if path.is_relative_to(here) else path
 

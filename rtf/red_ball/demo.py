@@ -71,6 +71,7 @@ class DemoSettings:
     gaze: str = GAZE
     sides: tuple[Side, ...] = ("left", "right")
     reach: Reach = field(default_factory=Reach)
+    patience: float = 20.0  # how long the program waits for the robot (s)
 
 
 class Demo:

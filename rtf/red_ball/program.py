@@ -20,13 +20,14 @@ from rtf.red_ball.eyes import cameras_of
 from rtf.red_ball.history import Positions
 from rtf.red_ball.tracker import Tracker
 from rtf.robot.boards.client import connect
+from rtf.robot.errors import DeviceError
 from rtf.robot.interface.signals import signal_listener
 from rtf.robot.sensors.camera import FrameGrabberClient
 from rtf.simulator.scene import BALL_RADIUS
 
 if TYPE_CHECKING:
     import signal
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from rtf.middleware.ports.network import Network
     from rtf.red_ball.demo import DemoSettings
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
 FINE, FAILED = 0, 1
 #: The carrier of pictures and states: it waits until a message has been received.
 CARRIER = "tcp"
+#: How long programs wait for the robot, by default, and between two looks (s).
+PATIENCE, _LOOK = 20.0, 0.1
 
 
 def say(sentence: str) -> None:
@@ -42,9 +45,25 @@ def say(sentence: str) -> None:
     print(sentence, file=sys.stderr, flush=True)  # noqa: T201 - a program prints
 
 
+def use_clock(name: str) -> None:
+    """Have this process live by a clock, as if it were named in the environment: ``/clock``, or ``lockstep:/clock``."""
+    if name:
+        os.environ[CLOCK_VARIABLE] = name
+
+
 def in_lockstep() -> bool:
     """Return whether this process lives in the time of a simulator that waits for it."""
     return os.environ.get(CLOCK_VARIABLE, "").startswith("lockstep:")
+
+
+def await_ports(names: Sequence[str], network: Network, patience: float) -> None:
+    """Wait for ports, as the robot may still be starting. Raises DeviceError with those that are missing."""
+    deadline = clock.Deadline.after(patience)
+    missing = list(names)
+    while missing := [name for name in missing if not remote.exists(network, Contact(name))]:
+        if deadline.expired:
+            raise DeviceError(f"there is no {', '.join(missing)} after {patience:g} s; is it running?")
+        clock.sleep(_LOOK)
 
 
 def run_program(name: str, start: Callable[[ExitStack], Callable[[threading.Event], object] | None]) -> int:
@@ -85,10 +104,14 @@ class TrackerSettings:
     radius: float = BALL_RADIUS  # m
     field_of_view: float = 0.0  # vertical, deg; 0: ask the left camera
     one_eye: bool = False
+    patience: float = PATIENCE  # how long it waits for the robot (s)
 
 
 def start_demo(settings: DemoSettings, network: Network, opened: ExitStack) -> Callable[[threading.Event], object]:
     """Open the demonstration, in the time of the robot; return its loop. Raises RtfError."""
+    hands = (f"/{settings.robot}/cartesianController/{side}_arm/state:o" for side in settings.sides)
+    tracker = [f"{settings.tracker}/data:o"] if settings.tracker else []
+    await_ports([f"{settings.gaze}/rpc", *hands, *tracker], network, settings.patience)
     opened.enter_context(clock.use(clock_from_environment(network)))
     return opened.enter_context(closing(Demo(settings, network=network))).run
 
@@ -97,6 +120,7 @@ def start_tracker(settings: TrackerSettings, network: Network, opened: ExitStack
     """Open the tracker, and connect it to the eyes and the head of a robot. Raises RtfError."""
     tables = settings.model.sensors.cameras
     eyes = {name: f"/{settings.robot}/{tables[name].port}" for name in ("left", "right") if name in tables}
+    await_ports([*eyes.values(), f"/{settings.robot}/head/stateExt:o"], network, settings.patience)
     view = settings.field_of_view or _field_of_view(eyes["left"], network)
     cameras = head = None
     if not settings.one_eye:

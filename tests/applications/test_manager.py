@@ -499,3 +499,25 @@ def test_connections_are_made_one_by_one(tmp_path: Path):
         assert links.disconnect([first])
         links.watch()
         assert [state for _, state in links.states()] == [Link.APART, Link.APART]
+
+
+def test_connections_of_windows_that_are_not_there_are_left_out(tmp_path: Path):
+    """By the name of the program, and by the name that its command line gives to its ports; others are made."""
+    content = (
+        module("sleep", "60")
+        + module("yarpview", "--name /picture")
+        + module("iCubGui")
+        + ONE_CONNECTION
+        + "".join(
+            f"<connection><from>/a</from><to>{port}</to></connection>" for port in ("/picture", "/iCubGui/objects")
+        )
+    )
+    network = Network(LocalNames())
+    with (
+        Port("/a", network=network),
+        Port("/b", network=network),
+        lab(application(tmp_path, content), network) as run,
+    ):
+        assert run.manager.start()
+        assert remote.connection(network, Contact("/a"), Contact("/b")) is not None
+        assert len(run.texts(Kind.IGNORED)) == 2

@@ -186,6 +186,9 @@ def test_a_place_that_is_none_is_refused_by_the_simulator(bench: Bench):
 
 def test_a_program_that_cannot_start_is_reported(bench: Bench):
     """With its last lines."""
-    words = ["red-ball", "demo", "--robot", "nobody", "--name", "/other"]
-    with pytest.raises(NotStartedError, match="/nobody/torso cannot be opened"), ExitStack() as opened:
+    words = ["red-ball", "demo", "--robot", "nobody", "--name", "/other", "--patience", "0.2"]
+    with (
+        pytest.raises(NotStartedError, match="there is no /nobody/cartesianController/left_arm/state:o"),
+        ExitStack() as opened,
+    ):
         bench.start(opened, words, "/other/rpc")
