@@ -197,7 +197,7 @@ class CartesianTest(RobotTest):
         """
         with self.limb.recorded() as traces:
             try:
-                found = self._follow(np.asarray(target, dtype=np.float64))
+                found = self.follow(np.asarray(target, dtype=np.float64))
             except LimbGuardError as error:
                 self._stop()
                 self.blame(error.part, error, "does not move", during=f"{name} by {self.remote}")
@@ -221,7 +221,7 @@ class CartesianTest(RobotTest):
             self._answers = False
             self.warn(f"{self.remote} could not be stopped: {error}")
 
-    def _follow(self, target: FloatArray) -> Reach:
+    def follow(self, target: FloatArray) -> Reach:
         """Command a reach, and sample it until a moment after it is done."""
         begin, done = self.now(), math.inf
         samples: list[tuple[float, FloatArray, FloatArray]] = []
