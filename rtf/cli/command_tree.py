@@ -168,6 +168,10 @@ _CAN = (
 _RED_BALL = (
     Command("track", "", "find it in the pictures of the eyes", "rtf.cli.red_ball:track"),
     Command("demo", "", "look at it and reach for it, on request", "rtf.cli.red_ball:demo"),
+_RED_BALL = (Command("track", "", "find it in pictures of the eyes", "rtf.cli.red_ball:track", on_network=False),)
+_CARTESIAN = (
+    Command("control", "LIMB", "the controller of a robot in the network", "rtf.cli.cartesian:control"),
+    Command("solver", "LIMB", "a solver, for this controller or that of the iCub", "rtf.cli.cartesian:solver"),
 )
 _CAMPAIGN = (
     Command("run", "FILE", "run it, or go on with it", "rtf.cli.campaign:run"),
@@ -230,6 +234,13 @@ RTF = Command(
             group="robot",
         ),
         Command("robot", "COMMAND", "robots as data: list, check, new, test", commands=_ROBOT, group="robot"),
+        Command(
+            "cartesian",
+            "COMMAND",
+            "move the hand of a robot in space: controller, solver",
+            commands=_CARTESIAN,
+            group="robot",
+        ),
         Command(
             "red-ball", "COMMAND", "see a red ball, look at it and reach for it", commands=_RED_BALL, group="robot"
         ),

@@ -10,30 +10,31 @@ Left out: feedback by the setpoints of the board, and streamed velocities of boa
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rtf import clock
 from rtf.bottle import Bottle, as_float, as_list, as_string
+from rtf.robot.cartesian.settings import ChainSettings, Settings
+from rtf.robot.cartesian.solvers import OwnSolver, Problem
 from rtf.robot.control_modes import ControlMode
-from rtf.robot.controllers.cartesian import STRAIGHTNESS, CartesianMotion
+from rtf.robot.controllers.cartesian import CartesianMotion
 from rtf.robot.controllers.task import TaskController
 from rtf.robot.errors import RefusedError, RobotError
 from rtf.robot.interfaces import ControllerEvent, IControlLimits, IControlMode, IEncoders, IPositionDirect
 from rtf.robot.interfaces.cartesian import CartesianPose, CartesianSolution, ICartesianControl
-from rtf.robot.kinematics import InverseKinematics, PointPreference, pose_of, rotation_of, vector_of
+from rtf.robot.kinematics import rotation_of, vector_of
 from rtf.robot.kinematics.poses import POSE, POSITION, homogeneous
 from rtf.robot.network.request_table import finite
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
+    from rtf.robot.cartesian.solvers import PoseSolver
     from rtf.robot.device import Device
     from rtf.robot.interfaces.axes import FloatArray, Values
-    from rtf.robot.interfaces.cartesian import CartesianPriority
-    from rtf.robot.kinematics import Chain, Solution
+    from rtf.robot.kinematics import Chain
 
 #: A trajectory takes at least so many periods.
 _SHORTEST = 10
@@ -44,28 +45,12 @@ _MOVED = 1.0
 _BROKEN = frozenset({ControlMode.HARDWARE_FAULT, ControlMode.IDLE, ControlMode.NOT_CONFIGURED})
 
 
-@dataclass(frozen=True, slots=True)
-class Settings:
-    """What a context stores."""
-
-    active: tuple[bool, ...]
-    rest: tuple[float, ...]  # deg
-    weights: tuple[float, ...]
-    limits: tuple[tuple[float, float], ...]  # deg
-    tip: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
-    duration: float = 2.0  # s
-    tolerance: float = 0.01  # m and rad
-    tracking: bool = False
-    priority: CartesianPriority = "position"
-    straightness: float = STRAIGHTNESS
-
-
-class CartesianController(TaskController[Settings], ICartesianControl):
+class CartesianController(ChainSettings, TaskController[Settings], ICartesianControl):
     """A controller of a board whose axes are the joints of a chain, in its order (see ``controlboardremapper``).
 
-    ``active`` joints take part in motions at first; those ``together`` are only switched together. ``elbow`` is a place
-    to which a link is drawn. ``publish`` is called every ``period`` (s), with the robot's time; all other methods in
-    any thread. Errors of the board are passed on, and end a motion.
+    ``active`` joints take part in motions at first; those ``together`` are only switched together. ``solver`` has the
+    postures; None: one of this process. ``publish`` is called every ``period`` (s), with the robot's time; all other
+    methods in any thread. Errors of the board are passed on, and end a motion.
 
     No lock is held while a board is called by ``publish``, nor a lock that ``publish`` takes while one is called by
     others: boards of a simulation wait for its loop, which may be what calls ``publish``.
@@ -78,7 +63,7 @@ class CartesianController(TaskController[Settings], ICartesianControl):
         *,
         active: Sequence[bool] | None = None,
         together: Collection[str] = (),
-        elbow: PointPreference | None = None,
+        solver: PoseSolver | None = None,
         period: float = 0.01,
         info: Sequence[tuple[str, str]] = (),
     ) -> None:
@@ -87,38 +72,24 @@ class CartesianController(TaskController[Settings], ICartesianControl):
         self._modes = board.view(IControlMode)  # type: ignore[type-abstract]  # it is only looked for
         self._direct = board.view(IPositionDirect)  # type: ignore[type-abstract]  # it is only looked for
         limits = board.view(IControlLimits)  # type: ignore[type-abstract]  # it is only looked for
-        self._board_limits = tuple(limits.limits(joint) for joint in range(len(chain)))
-        self._chain = chain.limited(dict(zip(chain.joints, self._board_limits, strict=True)))
-        self._together = [chain.index(joint) for joint in together]
-        self._elbow = elbow
+        lock = threading.RLock()
+        within = chain.limited({joint: limits.limits(place) for place, joint in enumerate(chain.joints)})
+        ChainSettings.__init__(self, within, active=active, together=together, lock=lock)
+        TaskController.__init__(self, self.settings, lock)
+        self._solver = solver or OwnSolver()
         self._info = info
-        count = len(chain)
-        rest = np.clip(np.zeros(count), self._chain.minima, self._chain.maxima)
-        chosen = tuple(active) if active is not None else (True,) * count
-        self._use(Settings(chosen, tuple(rest.tolist()), (0.0,) * count, self._board_limits))
-        super().__init__(self._settings)
         self._commands = threading.RLock()  # one command at a time; ``publish`` does not take it
         self._target: FloatArray | None = None  # the pose, or the position, that is being reached
         self._motion: CartesianMotion | None = None
-        self._solution: Solution | None = None
+        self._solution: CartesianSolution | None = None
         self._moving = False
         self._stops = 0  # how often it was stopped: a motion that is being prepared does not begin after a stop
-        self._began: FloatArray = np.zeros(count)  # deg, of the active joints
-        self._blocked: FloatArray = np.zeros(count)  # deg, when it was solved
+        self._began: FloatArray = np.zeros(len(chain))  # deg, of the active joints
+        self._blocked: FloatArray = np.zeros(len(chain))  # deg, when it was solved
         self._velocity: FloatArray | None = None
         self._virtual: FloatArray = np.eye(4)  # the target of a streamed velocity
+        self._asked: FloatArray | None = None  # the target whose solution is awaited, while the chain moves
         self._periods = 0
-
-    @property
-    def chain(self) -> Chain:
-        """The chain to the frame of the hand, with the limits of the board; another hand has another one."""
-        return self._chain
-
-    @chain.setter
-    def chain(self, chain: Chain) -> None:
-        with self.lock:
-            self._chain = chain
-            self._use(self._settings)
 
     # Motions ---------------------------------------------------------------------------------------------------------
 
@@ -128,12 +99,12 @@ class CartesianController(TaskController[Settings], ICartesianControl):
             if duration is not None and duration > 0.0:
                 self.set_trajectory_time(duration)
             goal = np.atleast_1d(np.asarray(target, dtype=np.float64))
-            places = self._active_places()
+            places = self.active_places()
             if not places:
                 raise RefusedError(f"{self._chain.name}: no joint is active")
             self._check(places)
             measured = self._encoders.encoders()
-            found = self._solve(goal, self._start(measured), attempts=3)
+            found = self._solver.solve(self._problem(goal, self._start(measured), attempts=3))
             self._direct_mode(places)
             with self.lock:
                 if self._stops != stops:
@@ -153,7 +124,7 @@ class CartesianController(TaskController[Settings], ICartesianControl):
             stands = not values[:3].any() and values[6] == 0.0
             pose = self._present_pose()
             if not stands:
-                self._direct_mode(self._active_places())
+                self._direct_mode(self.active_places())
             with self.lock:
                 if self._velocity is None:
                     self._virtual = pose
@@ -174,75 +145,52 @@ class CartesianController(TaskController[Settings], ICartesianControl):
             present = self._encoders.encoders()
             if start is not None:
                 given = np.atleast_1d(np.asarray(start, dtype=np.float64))
-                places = self._active_places()
+                places = self.active_places()
                 if given.size != len(places):
                     raise RefusedError(
                         f"{len(places)} joints are active, so a start has as many values, not {given.size}"
                     )
                 present = present.copy()
                 present[places] = given
-            found = self._solve(np.atleast_1d(np.asarray(target, dtype=np.float64)), present, attempts=6)
-        return CartesianSolution(vector_of(found.pose), found.positions)
+            goal = np.atleast_1d(np.asarray(target, dtype=np.float64))
+            return self._solver.ask(self._problem(goal, present, attempts=6))
 
     def _start(self, measured: FloatArray) -> FloatArray:
         """Return where a solution starts: a motion under way goes on from where it is planned to be."""
         with self.lock:
             start = measured.copy()
             if self._moving and self._motion is not None:
-                start[self._active_places()] = self._motion.planned
+                start[self.active_places()] = self._motion.planned
             return start
 
-    def _begin(self, target: FloatArray, found: Solution, measured: FloatArray) -> list[ControllerEvent]:
+    def _begin(self, target: FloatArray, found: CartesianSolution, measured: FloatArray) -> list[ControllerEvent]:
         """Begin a motion, or lead the present one elsewhere; with the lock held."""
-        places, events = self._active_places(), []
+        places, events = self.active_places(), []
         if not self._moving:
             self._motion = CartesianMotion(
                 self._active_chain(measured),
                 period=self.period,
-                duration=self._settings.duration,
-                straightness=self._settings.straightness,
+                duration=self.settings.duration,
+                straightness=self.settings.straightness,
             )
             self._motion.reset(measured[places])
             self._moving = True
             events.append(ControllerEvent("motion-onset", clock.current().now()))
         assert self._motion is not None
-        self._motion.duration = self._settings.duration
-        self._motion.begin(found.positions[places], has_orientation=target.size > POSITION)
+        self._motion.duration = self.settings.duration
+        self._motion.begin(found.joints[places], has_orientation=target.size > POSITION)
         self._target, self._solution = target, found
         self._began, self._blocked = self._motion.planned, measured
         self.begin_checkpoints()
         return events
 
-    def _solve(self, target: FloatArray, start: FloatArray, *, attempts: int) -> Solution:
-        settings = self._settings
-        return self._inverse.solve(
-            target,
-            start,
-            rest=settings.rest,
-            weights=settings.weights,
-            active=settings.active,
-            drawn=self._elbow,
-            priority=settings.priority,
-            attempts=attempts,
-        )
-
-    def _use(self, settings: Settings) -> None:
-        """Take settings, and make what follows from them: the chain with the tool, its inverse within limits."""
-        self._settings = settings
-        self._tipped = self._chain.with_tip(self._chain.tip @ pose_of(settings.tip))
-        limits = dict(zip(self._chain.joints, settings.limits, strict=True))
-        self._inverse = InverseKinematics(self._tipped.limited(limits))
-
-    def _active_places(self) -> list[int]:
-        return [place for place, chosen in enumerate(self._settings.active) if chosen]
-
-    def _other_places(self) -> list[int]:
-        return [place for place, chosen in enumerate(self._settings.active) if not chosen]
+    def _problem(self, target: FloatArray, start: FloatArray, *, attempts: int) -> Problem:
+        return Problem(self.limited, self.settings, target, start, attempts)
 
     def _active_chain(self, measured: FloatArray) -> Chain:
         """The chain of the active joints; the others are where they have been measured."""
         joints = self._chain.joints
-        return self._tipped.blocked({joints[place]: float(measured[place]) for place in self._other_places()})
+        return self.tipped.blocked({joints[place]: float(measured[place]) for place in self.other_places()})
 
     def _check(self, places: Sequence[int]) -> None:
         """Refuse joints that cannot move."""
@@ -269,10 +217,10 @@ class CartesianController(TaskController[Settings], ICartesianControl):
             return
         try:
             if self._periods % _LOOK == 0 and self._moving:
-                self._check(self._active_places())
+                self._check(self.active_places())
             measured = self._encoders.encoders()
             with self.lock:
-                places = self._active_places()
+                places = self.active_places()
                 events, positions = self._step(now, measured)
             if positions is not None:
                 self._direct.set_positions(positions, places)
@@ -285,49 +233,52 @@ class CartesianController(TaskController[Settings], ICartesianControl):
 
     def _at_work(self) -> bool:
         with self.lock:
-            keeps = self._settings.tracking and self._target is not None
+            keeps = self.settings.tracking and self._target is not None
             return self._moving or self._velocity is not None or keeps
 
     def _step(self, now: float, measured: FloatArray) -> tuple[list[ControllerEvent], FloatArray | None]:
         """Return events, and positions of the active joints to command; with the lock held."""
-        events: list[ControllerEvent] = []
-        if self._velocity is not None and self._periods % _STREAMED == 0:
-            events += self._advance(self._velocity, _STREAMED * self.period, measured)
-        elif self._settings.tracking and self._target is not None and self._velocity is None:
-            events += self._keep(measured)
+        events = self._lead(measured)
         if not self._moving or self._motion is None:
             return events, None
         positions = self._motion.step()
         events += self.pass_checkpoints(self._motion.share(self._began), now)
-        places = self._active_places()
-        if self._velocity is None and self._motion.done(measured[places], self._settings.tolerance):
+        places = self.active_places()
+        if self._velocity is None and self._motion.done(measured[places], self.settings.tolerance):
             events += self.pass_checkpoints(1.0, now)
-            events += self._end(now, keep=self._settings.tracking)
+            events += self._end(now, keep=self.settings.tracking)
         return events, positions
 
-    def _advance(self, velocity: FloatArray, seconds: float, measured: FloatArray) -> list[ControllerEvent]:
-        """Lead a virtual target with a velocity, and reach for it."""
+    def _lead(self, measured: FloatArray) -> list[ControllerEvent]:
+        """Ask for the solution of a target that moves, or that other joints move away from; take one that is there."""
+        if self._velocity is not None and self._periods % _STREAMED == 0:
+            self._advance(self._velocity, _STREAMED * self.period)
+            self._ask(vector_of(self._virtual), measured)
+        elif self.settings.tracking and self._target is not None and self._velocity is None:
+            others = self.other_places()
+            if others and float(np.linalg.norm(measured[others] - self._blocked[others])) > _MOVED:
+                self._moving = False  # a chain with other blocked joints
+                self._blocked = measured
+                self._ask(self._target, measured)
+        found = self._solver.answer() if self._asked is not None else None
+        if found is None or self._asked is None:
+            return []
+        target, self._asked = self._asked, None
+        return self._begin(target, found, measured)
+
+    def _advance(self, velocity: FloatArray, seconds: float) -> None:
+        """Lead a virtual target with a velocity."""
         turn = rotation_of(velocity[3:6], float(velocity[6]) * seconds) if velocity[6] else np.eye(3)
         place = self._virtual[:3, 3] + velocity[:3] * seconds
         self._virtual = homogeneous(turn @ self._virtual[:3, :3], place)
-        return self._reach(vector_of(self._virtual), measured)
 
-    def _keep(self, measured: FloatArray) -> list[ControllerEvent]:
-        """Reach for the target again, when joints that do not take part have moved."""
-        assert self._target is not None
-        others = self._other_places()
-        if not others or float(np.linalg.norm(measured[others] - self._blocked[others])) <= _MOVED:
-            return []
-        self._moving = False  # a chain with other blocked joints
-        return self._reach(self._target, measured)
-
-    def _reach(self, target: FloatArray, measured: FloatArray) -> list[ControllerEvent]:
-        found = self._solve(target, self._start(measured), attempts=1)
-        return self._begin(target, found, measured)
+    def _ask(self, target: FloatArray, measured: FloatArray) -> None:
+        self._solver.request(self._problem(target, self._start(measured), attempts=1))
+        self._asked = target
 
     def _end(self, now: float, *, keep: bool = False) -> list[ControllerEvent]:
         """End a motion; the joints hold what they were told last."""
-        self._velocity = None
+        self._velocity = self._asked = None
         if not keep:
             self._target = None
         was, self._moving = self._moving, False
@@ -337,26 +288,26 @@ class CartesianController(TaskController[Settings], ICartesianControl):
 
     def pose(self, link: int | None = None) -> CartesianPose:
         positions, times = self._encoders.encoders(), self._encoders.encoder_times()
-        chain = self._tipped
+        chain = self.tipped
         if link is not None and not 0 <= link < len(chain):
             raise RefusedError(f"{chain.name} has links 0 to {len(chain) - 1}, not {link}")
         pose = chain.pose(positions) if link is None else chain.frames(positions)[link]
         return CartesianPose(vector_of(pose), float(np.max(times)))
 
     def _present_pose(self) -> FloatArray:
-        return self._tipped.pose(self._encoders.encoders())
+        return self.tipped.pose(self._encoders.encoders())
 
     def desired(self) -> CartesianSolution:
         with self.lock:
             found = self._solution
         if found is None:
             return CartesianSolution(vector_of(self._present_pose()), self._encoders.encoders())
-        return CartesianSolution(vector_of(found.pose), found.positions)
+        return found
 
     def joint_velocities(self) -> FloatArray:
         with self.lock:
             moving = self._motion is not None and self._moving
-            return self._motion.speeds if self._motion is not None and moving else np.zeros(len(self._active_places()))
+            return self._motion.speeds if self._motion is not None and moving else np.zeros(len(self.active_places()))
 
     def task_velocity(self) -> FloatArray:
         with self.lock:
@@ -369,7 +320,7 @@ class CartesianController(TaskController[Settings], ICartesianControl):
         return np.concatenate([rates[:3], axis, [speed]])
 
     def solver_connected(self) -> bool:
-        return True
+        return self._solver.connected()
 
     def info(self) -> Bottle:
         events = Bottle(["motion-onset", "motion-done", "motion-ongoing", "closing", "*"])
@@ -377,27 +328,30 @@ class CartesianController(TaskController[Settings], ICartesianControl):
 
     # Settings --------------------------------------------------------------------------------------------------------
 
-    def _change(self, **changes: object) -> None:
-        with self.lock:
-            self._use(replace(self._settings, **changes))  # type: ignore[arg-type] # names of members
+    def set_active_joints(self, active: Sequence[bool | None]) -> tuple[bool, ...]:
+        with self._commands, self.lock:
+            happened = self._end(clock.current().now())
+            chosen = super().set_active_joints(active)
+        self.tell(happened)
+        return chosen
 
     def trajectory_time(self) -> float:
-        return self._settings.duration
+        return self.settings.duration
 
     def set_trajectory_time(self, duration: float) -> None:
-        self._change(duration=max(finite(duration), _SHORTEST * self.period))
+        self.change(duration=max(finite(duration), _SHORTEST * self.period))
 
     def tolerance(self) -> float:
-        return self._settings.tolerance
+        return self.settings.tolerance
 
     def set_tolerance(self, tolerance: float) -> None:
-        self._change(tolerance=finite(tolerance))
+        self.change(tolerance=finite(tolerance))
 
     def tracking(self) -> bool:
-        return self._settings.tracking
+        return self.settings.tracking
 
     def set_tracking(self, tracking: bool) -> None:
-        self._change(tracking=tracking)
+        self.change(tracking=tracking)
 
     def reference_feedback(self) -> bool:
         return False
@@ -406,101 +360,24 @@ class CartesianController(TaskController[Settings], ICartesianControl):
         if feedback:
             raise RefusedError("the setpoints of the board are not used as feedback")
 
-    def priority(self) -> CartesianPriority:
-        return self._settings.priority
-
-    def set_priority(self, priority: CartesianPriority) -> None:
-        if priority not in ("position", "orientation"):
-            raise RefusedError(f"the priority is position or orientation, not {priority!r}")
-        self._change(priority=priority)
-
-    def active_joints(self) -> tuple[bool, ...]:
-        return self._settings.active
-
-    def set_active_joints(self, active: Sequence[bool | None]) -> tuple[bool, ...]:
-        with self._commands, self.lock:
-            present = self._settings.active
-            if len(active) > len(present):
-                raise RefusedError(f"{self._chain.name} has {len(present)} joints, not {len(active)}")
-            chosen = [old if new is None else new for old, new in zip(present, active, strict=False)]
-            chosen += present[len(active) :]
-            if len({chosen[place] for place in self._together}) > 1:
-                for place in self._together:
-                    chosen[place] = present[place]
-            happened = self._end(clock.current().now())
-            self._change(active=tuple(chosen))
-        self.tell(happened)
-        return tuple(chosen)
-
-    def rest_posture(self) -> FloatArray:
-        return np.array(self._settings.rest)
-
-    def set_rest_posture(self, posture: Values) -> FloatArray:
-        given = self._first(posture, self._settings.rest)
-        low, high = np.array(self._settings.limits).T
-        self._change(rest=tuple(np.clip(given, low, high).tolist()))
-        return self.rest_posture()
-
-    def rest_weights(self) -> FloatArray:
-        return np.array(self._settings.weights)
-
-    def set_rest_weights(self, weights: Values) -> FloatArray:
-        given = self._first(weights, self._settings.weights)
-        self._change(weights=tuple(np.maximum(given, 0.0).tolist()))
-        return self.rest_weights()
-
-    def _first(self, values: Values, present: Sequence[float]) -> FloatArray:
-        """Return the present values, the first of them changed."""
-        given = np.atleast_1d(np.asarray(values, dtype=np.float64))
-        if given.ndim != 1 or given.size > len(present) or not np.isfinite(given).all():
-            raise RefusedError(
-                f"{self._chain.name} has {len(present)} joints: {given.tolist()} are not values of these"
-            )
-        return np.concatenate([given, present[given.size :]])
-
-    def limits(self, joint: int) -> tuple[float, float]:
-        return self._settings.limits[self._joint(joint)]
-
-    def set_limits(self, joint: int, minimum: float, maximum: float) -> None:
-        low, high = self._board_limits[self._joint(joint)]
-        if not low <= minimum <= maximum <= high:
-            name = self._chain.joints[joint]
-            raise RefusedError(f"limits of {name} lie within {low:g} and {high:g}, not {minimum:g} and {maximum:g}")
-        with self.lock:
-            limits = list(self._settings.limits)
-            limits[joint] = (float(minimum), float(maximum))
-            self._change(limits=tuple(limits))
-
-    def _joint(self, joint: int) -> int:
-        if not 0 <= joint < len(self._chain):
-            raise RefusedError(f"{self._chain.name} has joints 0 to {len(self._chain) - 1}, not {joint}")
-        return joint
-
-    def tip(self) -> FloatArray:
-        return np.array(self._settings.tip)
-
-    def set_tip(self, tip: Values) -> None:
-        values = np.atleast_1d(np.asarray(tip, dtype=np.float64))
-        self._change(tip=tuple(vector_of(pose_of(values)).tolist()))
-
     def tweaks(self) -> Bottle:
-        return Bottle([Bottle(["straightness", self._settings.straightness])])
+        return Bottle([Bottle(["straightness", self.settings.straightness])])
 
     def set_tweaks(self, tweaks: Bottle) -> None:
         for one in tweaks:
             pair = as_list(one)
             if pair is None or len(pair) < 2 or as_string(pair[0]) != "straightness":  # noqa: PLR2004 - key, value
                 raise RefusedError(f"a tweak is (straightness VALUE), not {Bottle([one]).to_text()}")
-            self._change(straightness=max(0.0, finite(as_float(pair[1]))))
+            self.change(straightness=max(0.0, finite(as_float(pair[1]))))
 
     # Contexts --------------------------------------------------------------------------------------------------------
 
     def context(self) -> Settings:
-        return self._settings
+        return self.settings
 
     def restore_context(self, context: int) -> None:
         with self._commands, self.lock:
             settings = self.stored(context)
             happened = self._end(clock.current().now())
-            self._use(settings)
+            self.use(settings)
         self.tell(happened)

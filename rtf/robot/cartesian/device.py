@@ -3,7 +3,8 @@
 Its group ``GENERAL`` is that of the original: ``KinematicPart`` and ``KinematicType`` (``arm`` and ``left_v2.5`` are
 version 2.5 of the chain ``left_arm`` in the tables of the robot), ``ControllerName`` and ``ControllerPeriod`` (ms,
 default 10). The joints of the chain are found on the boards by their names, so their order there does not matter. The
-solver is part of the controller: ``SolverNameToConnect`` and the groups ``DRIVER_i`` are read by nobody.
+solver is part of the controller, unless ``SolverNameToConnect`` names one that is a program, such as
+``cartesianSolver/left_arm``. The groups ``DRIVER_i`` are read by nobody.
 
 Of this project: ``Robot``, one of ``rtf robot list`` or a path, which has the tables (default icub), and lists of
 joints: ``Inactive`` ones, which take no part in motions at first, and those that are only switched ``Together``.
@@ -19,7 +20,9 @@ from typing import TYPE_CHECKING
 from rtf.bottle import Bottle, Property, as_string
 from rtf.robot import parameters
 from rtf.robot.cartesian.controller import CartesianController
+from rtf.robot.cartesian.remote_solver import RemoteSolver
 from rtf.robot.cartesian.server import CartesianServer
+from rtf.robot.cartesian.solvers import OwnSolver, PoseSolver
 from rtf.robot.devices.remapper import ControlBoardRemapper
 from rtf.robot.errors import RefusedError
 from rtf.robot.kinematics import PointPreference, robot_chains
@@ -45,6 +48,7 @@ class CartesianControllerDevice(PublishingDevice):
     """The controller, and the server of its ports."""
 
     _chain: Chain
+    _solver: PoseSolver | None = None
 
     def open(self, configuration: Property) -> None:
         """Read the configuration. Raises ConfigurationError, with its place."""
@@ -67,21 +71,9 @@ class CartesianControllerDevice(PublishingDevice):
                 self._chain.index(joint)
         except RefusedError as error:
             raise parameters.wrong(general, "KinematicType", str(error)) from None
-        self._drawn = self._preference(general)
+        self._drawn = read_preference(general, self._chain)
+        self._solver_name = as_string(general.get("SolverNameToConnect", "")).strip("/")
         self._configuration = configuration
-
-    def _preference(self, general: Property) -> PointPreference | None:
-        if not general.check("Drawn"):
-            return None
-        try:
-            link, place, weights = inner(general.find("Drawn"), 3)
-            x, y, z = (number(one) for one in inner(place, 3))
-            by_x, by_y, by_z = (number(one) for one in inner(weights, 3))
-            preference = PointPreference(whole(link), (x, y, z), (by_x, by_y, by_z))
-            self._chain.jacobian([0.0] * len(self._chain), preference.link)
-        except (RefusedError, ValueError) as error:
-            raise parameters.wrong(general, "Drawn", f"a link, a place and weights are needed: {error}") from None
-        return preference
 
     def attach(self, devices: Mapping[str, Device]) -> None:
         """Find the joints on the boards, and open the ports. Raises DeviceError."""
@@ -90,15 +82,28 @@ class CartesianControllerDevice(PublishingDevice):
         board.attach(devices)
         super().attach({"the chain": board})
 
+    def detach(self) -> None:
+        super().detach()
+        if self._solver is not None:
+            self._solver.close()
+            self._solver = None
+
+    def _make_solver(self) -> PoseSolver:
+        if not self._solver_name:
+            return OwnSolver(self._drawn)
+        name = f"{self.port_name}/{self._solver_name}"
+        return RemoteSolver(f"/{self._solver_name}", name, network=self.network, drawn=self._drawn)
+
     def serve(self, device: Device) -> ControlledServer[CartesianController]:
         """Make the controller of a board, and open its ports."""
         part, kind, version = self._type
+        self._solver = self._make_solver()
         controller = CartesianController(
             device,
             self._chain,
             active=[place not in self._inactive for place in range(len(self._chain))],
             together=self._together,
-            elbow=self._drawn,
+            solver=self._solver,
             period=self.period,
             info=[("server_version", VERSION), (f"{part}_version", version), (f"{part}_type", kind)],
         )
@@ -106,3 +111,18 @@ class CartesianControllerDevice(PublishingDevice):
             controller, self.port_name, network=self.network, period=self.period, outlets=self.outlets
         )
         return ControlledServer(controller, server)
+
+
+def read_preference(general: Property, chain: Chain) -> PointPreference | None:
+    """Return the parameter ``Drawn``; None without it. Raises ConfigurationError."""
+    if not general.check("Drawn"):
+        return None
+    try:
+        link, place, weights = inner(general.find("Drawn"), 3)
+        x, y, z = (number(one) for one in inner(place, 3))
+        by_x, by_y, by_z = (number(one) for one in inner(weights, 3))
+        preference = PointPreference(whole(link), (x, y, z), (by_x, by_y, by_z))
+        chain.jacobian([0.0] * len(chain), preference.link)
+    except (RefusedError, ValueError) as error:
+        raise parameters.wrong(general, "Drawn", f"a link, a place and weights are needed: {error}") from None
+    return preference

@@ -22,11 +22,11 @@ S = TypeVar("S")
 class TaskController(ITaskControl, Generic[S]):
     """Contexts are settings of a type that cannot be changed; ``start`` are those of context 0.
 
-    ``lock`` is held for moments, also by a period: no board is called while it is held.
+    ``lock`` is held for moments, also by a period: no board is called while it is held. It may be given.
     """
 
-    def __init__(self, start: S) -> None:
-        self.lock = threading.RLock()
+    def __init__(self, start: S, lock: threading.RLock | None = None) -> None:
+        self.lock = lock or threading.RLock()
         self._contexts = {0: start}
         self._next = 1
         self._observers: tuple[EventObserver, ...] = ()

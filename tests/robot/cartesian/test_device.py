@@ -26,7 +26,7 @@ CHAIN = robot_chains(load_robot("icub")).chain("left_arm", "2.5")
 START = [-30.0, 30.0, 0.0, 45.0, 0.0, 0.0, 0.0]
 GENERAL = (
     "(GENERAL (KinematicPart arm) (KinematicType left_v2.5) (ControllerName bot/cartesianController/left_arm)"
-    " (SolverNameToConnect cartesianSolver/left_arm) (NumberOfDrivers 2)"
+    " (NumberOfDrivers 2)"
     " (Inactive (torso_pitch torso_roll torso_yaw)) (Together (l_shoulder_pitch l_shoulder_roll l_shoulder_yaw))"
     " (Drawn (5 (0 0 -1) (0 0 1))))"
 )

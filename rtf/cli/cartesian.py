@@ -1,0 +1,221 @@
+"""``rtf cartesian``: the Cartesian controller of a robot in the network, and the solver, as programs."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from contextlib import ExitStack, closing
+from typing import TYPE_CHECKING, NamedTuple
+
+from rtf.bottle import Bottle, Property
+from rtf.cli.parser import Parser, add_dialect
+from rtf.errors import RtfError
+from rtf.robot.model.names import DEFAULT_ROBOT
+from rtf.testing.verdict import ExitCode
+
+if TYPE_CHECKING:
+    import argparse
+    import signal
+    from collections.abc import Callable, Sequence
+
+    from rtf.middleware.ports.network import Network
+    from rtf.robot.device import Device
+    from rtf.robot.kinematics import Chain
+
+_CONTROL_EPILOG = """\
+It has the ports of the iCub's cartesiancontrollerserver, so its clients work with it:
+  NAME/rpc:i, NAME/command:i   requests, and streamed targets
+  NAME/state:o, NAME/events:o  the pose of the hand, and when motions begin and end
+The joints are moved by direct positions through the boards /ROBOT/PART of the network. Joints of other parts than LIMB,
+such as those of the torso, stand still until a client switches them on ("set dof").
+
+examples:
+  rtf simulator &                                     # a robot without a controller
+  rtf cartesian control left_arm --robot icubSim --drawn "(5 (0 0 -1) (0 0 1))"
+  rtf rpc /icubSim/cartesianController/left_arm/rpc:i
+  > go xyz 1.5 (-0.3 -0.15 0.1)                       # in 1.5 s, metres in the frame of the waist
+  > get done
+  > stop
+  rtf cartesian solver left_arm --robot icubSim &     # with a solver that is a program of its own
+  rtf cartesian control left_arm --robot icubSim --solver cartesianSolver/left_arm
+"""
+_SOLVER_EPILOG = """\
+It has the ports of the iCub's iKinCartesianSolver, so the iCub's controller works with it:
+  NAME/in    targets: ([xd] (3 or 7 numbers)) ([pose] [full]|[xyz]) ([mode] [shot]|[cont]) ([tok] number)
+  NAME/out   answers: ([xd] (7)) ([x] (7)) ([q] (joints in deg)) ([tok] number)
+  NAME/rpc   settings, questions and state: "help" has the words
+Where the joints are, it reads from the boards /ROBOT/PART; it moves nothing.
+
+examples:
+  rtf cartesian solver left_arm --robot icubSim --drawn "(5 (0 0 -1) (0 0 1))"
+  rtf rpc /cartesianSolver/left_arm/rpc
+  > ask ((xd (-0.3 -0.15 0.1)) (pose xyz))            # the posture; nothing moves
+  > stat
+"""
+
+
+class _Limb(NamedTuple):
+    """A chain, which of its joints belong to the part of its name, and the boards that have them."""
+
+    chain: Chain
+    own: list[bool]
+    parts: list[str]
+
+
+def control(words: Sequence[str]) -> int:
+    """Run a controller until a signal; returns the exit code."""
+    parser = _parser("control", "Move the hand, or the foot, of a robot in the network in space.", _CONTROL_EPILOG)
+    parser.add_argument(
+        "--name", metavar="/PORT", default="", help="its ports (default: /ROBOT/cartesianController/LIMB)"
+    )
+    parser.add_argument(
+        "--solver", metavar="/PORT", default="", help="the ports of a solver that is a program (default: its own)"
+    )
+    parser.add_argument("--period", metavar="S", type=float, default=0.01, help="of the control (default: 0.01)")
+    options = parser.parse_args(words)
+    name = options.name or f"/{options.robot.strip('/')}/cartesianController/{options.limb}"
+
+    def start(network: Network, opened: ExitStack) -> None:
+        from rtf.robot.device import make_device
+
+        limb = _limb(options)
+        side, _, part = options.limb.rpartition("_")
+        names = {
+            "ControllerName": name.strip("/"),
+            "ControllerPeriod": 1e3 * options.period,
+            "KinematicPart": part,
+            "KinematicType": f"{side}_v{options.version}",
+            "Robot": options.model,
+            "Inactive": Bottle([joint for joint, own in zip(limb.chain.joints, limb.own, strict=True) if not own]),
+            "SolverNameToConnect": options.solver.strip("/"),
+        }
+        general = Bottle(["GENERAL", *(Bottle([key, value]) for key, value in names.items()), *_lists(options)])
+        device = make_device("cartesiancontrollerserver", Property.from_bottle(Bottle([general])), network=network)
+        opened.callback(device.close)
+        device.attach(_boards(options.robot, limb.parts, network, opened))
+
+    return _run(name, start)
+
+
+def solver(words: Sequence[str]) -> int:
+    """Run a solver until a signal, or until it is asked to quit; returns the exit code."""
+    parser = _parser("solver", "Find the postures for targets of a Cartesian controller.", _SOLVER_EPILOG)
+    parser.add_argument("--name", metavar="/PORT", default="", help="its ports (default: /cartesianSolver/LIMB)")
+    options = parser.parse_args(words)
+    name = f"/{(options.name or f'cartesianSolver/{options.limb}').strip('/')}"
+    end = threading.Event()
+
+    def start(network: Network, opened: ExitStack) -> None:
+        from rtf.robot.cartesian.device import read_preference
+        from rtf.robot.cartesian.solver import CartesianSolver, SolverPorts
+        from rtf.robot.parameters import names as names_in
+
+        limb = _limb(options)
+        given = Property.from_bottle(Bottle(_lists(options)))
+        board = _chain_board(limb, _boards(options.robot, limb.parts, network, opened), network)
+
+        def make(answer: Callable[[Bottle], object]) -> CartesianSolver:
+            return CartesianSolver(
+                board,
+                limb.chain,
+                active=limb.own,
+                together=names_in(given, "Together"),
+                drawn=read_preference(given, limb.chain),
+                answer=answer,
+                quits=end.set,
+                report=network.report,
+            )
+
+        opened.enter_context(closing(SolverPorts(name, make, network)))
+
+    return _run(name, start, end)
+
+
+def _parser(name: str, description: str, epilog: str) -> Parser:
+    parser = Parser(prog=f"rtf cartesian {name}", description=description, epilog=epilog)
+    parser.add_argument("limb", metavar="LIMB", help="a chain of the robot's tables, such as left_arm or right_leg")
+    parser.add_argument("--robot", metavar="NAME", default="icub", help="the beginning of its ports (default: icub)")
+    parser.add_argument(
+        "--model",
+        metavar="ROBOT",
+        default=DEFAULT_ROBOT,
+        help=f"a robot of 'rtf robot list', or the path of a robot.toml (default: {DEFAULT_ROBOT})",
+    )
+    parser.add_argument("--version", metavar="V", default="2.5", help="of the chain in its tables (default: 2.5)")
+    parser.add_argument(
+        "--together", metavar="(A B)", default="", help="joints that are only switched together, such as a shoulder's"
+    )
+    parser.add_argument(
+        "--drawn",
+        metavar="(LINK (X Y Z) (W W W))",
+        default="",
+        help="a link that is drawn to a place, such as an elbow",
+    )
+    add_dialect(parser)
+    return parser
+
+
+def _lists(options: argparse.Namespace) -> list[Bottle]:
+    pairs = (("Together", options.together), ("Drawn", options.drawn))
+    return [Bottle([key, *Bottle.parse(text)]) for key, text in pairs if text]
+
+
+def _limb(options: argparse.Namespace) -> _Limb:
+    """Return the limb. Raises RobotModelError, and RefusedError for one that the robot does not have."""
+    from rtf.robot.kinematics import robot_chains
+    from rtf.robot.model import load_robot
+
+    robot = load_robot(options.model)
+    chain = robot_chains(robot).chain(options.limb, options.version).limited_by(robot.axes)
+    parts = [robot.axis(joint).part for joint in chain.joints]
+    return _Limb(chain, [part == options.limb for part in parts], list(dict.fromkeys(parts)))
+
+
+def _boards(robot: str, parts: Sequence[str], network: Network, opened: ExitStack) -> dict[str, Device]:
+    """Connect to the boards of the parts. Raises RobotError."""
+    from rtf.robot.boards.client import connect
+
+    return {
+        part: opened.enter_context(connect(f"/{robot.strip('/')}/{part}", carrier="tcp", network=network))
+        for part in parts
+    }
+
+
+def _chain_board(limb: _Limb, boards: dict[str, Device], network: Network) -> Device:
+    """Return one board of the joints of the chain, in its order. Raises DeviceError."""
+    from rtf.robot.devices.remapper import ControlBoardRemapper
+
+    board = ControlBoardRemapper("the chain", network=network)
+    board.open(Property({"axesNames": Bottle(list(limb.chain.joints))}))
+    board.attach(boards)
+    return board
+
+
+def _run(name: str, start: Callable[[Network, ExitStack], None], end: threading.Event | None = None) -> int:
+    """Start a program, and run it until a signal, or ``end``; returns the exit code. For the main thread."""
+    from rtf import clock
+    from rtf.cli.network.options import make_network
+    from rtf.middleware.clocks.network_clock import clock_from_environment
+    from rtf.robot.interface.signals import signal_listener
+
+    over = end or threading.Event()
+
+    def say(sentence: str) -> None:
+        print(sentence, file=sys.stderr, flush=True)
+
+    def on_signal(number: signal.Signals) -> None:
+        say(f"{number.name}: ends")
+        over.set()
+
+    with signal_listener(on_signal), ExitStack() as opened:
+        try:
+            network = make_network()
+            network.report = say
+            opened.enter_context(clock.use(clock_from_environment(network)))
+            start(network, opened)
+        except (RtfError, OSError) as error:
+            say(f"FAILED: {name} could not be started: {error}")
+            return ExitCode.FAILURES
+        say(f"READY {name}")
+        over.wait()
+    return ExitCode.PASSED
