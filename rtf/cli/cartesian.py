@@ -49,7 +49,7 @@ Where the joints are, it reads from the boards /ROBOT/PART; it moves nothing.
 examples:
   rtf cartesian solver left_arm --robot icubSim --drawn "(5 (0 0 -1) (0 0 1))"
   rtf rpc /cartesianSolver/left_arm/rpc
-  > ask ((xd (-0.3 -0.15 0.1)) (pose xyz))            # the posture; nothing moves
+  > ask (xd (-0.3 -0.15 0.1)) (pose xyz)              # the posture; nothing moves
   > stat
 """
 
