@@ -168,7 +168,7 @@ _CAN = (
 _RED_BALL = (
     Command("track", "", "find it in the pictures of the eyes", "rtf.cli.red_ball:track"),
     Command("demo", "", "look at it and reach for it, on request", "rtf.cli.red_ball:demo"),
-_RED_BALL = (Command("track", "", "find it in pictures of the eyes", "rtf.cli.red_ball:track", on_network=False),)
+)
 _CARTESIAN = (
     Command("control", "LIMB", "the controller of a robot in the network", "rtf.cli.cartesian:control"),
     Command("solver", "LIMB", "a solver, for this controller or that of the iCub", "rtf.cli.cartesian:solver"),
