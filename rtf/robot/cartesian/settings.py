@@ -94,17 +94,21 @@ class ChainSettings:
         return [place for place, chosen in enumerate(self.settings.active) if not chosen]
 
     def priority(self) -> CartesianPriority:
+        """Return what is met first of a pose that cannot be met."""
         return self.settings.priority
 
     def set_priority(self, priority: CartesianPriority) -> None:
+        """Set it. Raises RefusedError for another word."""
         if priority not in ("position", "orientation"):
             raise RefusedError(f"the priority is position or orientation, not {priority!r}")
         self.change(priority=priority)
 
     def active_joints(self) -> tuple[bool, ...]:
+        """Return which joints of the chain take part in motions."""
         return self.settings.active
 
     def set_active_joints(self, active: Sequence[bool | None]) -> tuple[bool, ...]:
+        """Choose the joints that take part, and return which do; see ICartesianControl."""
         with self._settings_lock:
             present = self.settings.active
             if len(active) > len(present):
@@ -118,18 +122,22 @@ class ChainSettings:
         return tuple(chosen)
 
     def rest_posture(self) -> FloatArray:
+        """Return the posture that is preferred (deg)."""
         return np.array(self.settings.rest)
 
     def set_rest_posture(self, posture: Values) -> FloatArray:
+        """Set it for the first joints, and return all of it, within the limits. Raises RefusedError."""
         given = self._first(posture, self.settings.rest)
         low, high = np.array(self.settings.limits).T
         self.change(rest=tuple(np.clip(given, low, high).tolist()))
         return self.rest_posture()
 
     def rest_weights(self) -> FloatArray:
+        """Return how much each joint is drawn to the rest posture; 0: to where it is."""
         return np.array(self.settings.weights)
 
     def set_rest_weights(self, weights: Values) -> FloatArray:
+        """Set it for the first joints, and return all of it. Raises RefusedError."""
         given = self._first(weights, self.settings.weights)
         self.change(weights=tuple(np.maximum(given, 0.0).tolist()))
         return self.rest_weights()
@@ -144,9 +152,11 @@ class ChainSettings:
         return np.concatenate([given, present[given.size :]])
 
     def limits(self, joint: int) -> tuple[float, float]:
+        """Return the limits of a joint in motions (deg). Raises RefusedError."""
         return self.settings.limits[self._joint(joint)]
 
     def set_limits(self, joint: int, minimum: float, maximum: float) -> None:
+        """Set them, within those of the board. Raises RefusedError."""
         low, high = self._board_limits[self._joint(joint)]
         if not low <= minimum <= maximum <= high:
             name = self._chain.joints[joint]
@@ -162,8 +172,10 @@ class ChainSettings:
         return joint
 
     def tip(self) -> FloatArray:
+        """Return the pose of the tool in the frame of the last link, seven numbers."""
         return np.array(self.settings.tip)
 
     def set_tip(self, tip: Values) -> None:
+        """Set the tool. Raises RefusedError."""
         values = np.atleast_1d(np.asarray(tip, dtype=np.float64))
         self.change(tip=tuple(vector_of(pose_of(values)).tolist()))
