@@ -44,6 +44,7 @@ benchmark: .venv/installed-for-tests
 	$(BIN)/python tests/benchmarks/run_applications_benchmarks.py
 	$(BIN)/python tests/benchmarks/run_can_benchmarks.py
 	$(BIN)/python tests/benchmarks/run_simulator_benchmarks.py
+	$(BIN)/python tests/benchmarks/run_red_ball_benchmarks.py
 	$(BIN)/python tests/benchmarks/run_robot_test_benchmarks.py
 
 wheel: .venv/installed-for-tests
