@@ -36,7 +36,7 @@ def frozen(before: Look, after: Look) -> list[str]:
 
 
 def swapped(look: Look, camera: Pinhole, across: FloatArray) -> bool:
-    """Return whether each eye shows what the other one should.
+    """Return whether each eye shows what the other one should. Both have to look beside the ball, else it is the same.
 
     ``across`` is the pose of the right camera in the frame of the left (4, 4).
     """
