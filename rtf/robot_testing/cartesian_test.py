@@ -7,15 +7,12 @@ forward kinematics of the joints' encoders, by the tables of the robot; neither 
 from __future__ import annotations
 
 import math
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rtf.bottle import Property, as_list, as_string
-from rtf.middleware.clocks.network_clock import LockstepClock
-from rtf.robot.device import make_device
-from rtf.robot.errors import NoAnswerError, RefusedError, RobotError, StaleStateError
+from rtf.robot.errors import RefusedError, StaleStateError
 from rtf.robot.interfaces import ICartesianControl
 from rtf.robot.kinematics import robot_chains
 from rtf.robot.model.errors import RobotModelError
@@ -29,11 +26,11 @@ from rtf.robot_testing.motion.limb import Limb, LimbGuardError, encoder_disagree
 from rtf.robot_testing.motion.part import PACE
 from rtf.robot_testing.motion.start_position import late_evidence
 from rtf.robot_testing.robot_name import robot_model
-from rtf.robot_testing.robot_test import RobotTest
+from rtf.robot_testing.task_test import TaskTest
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from rtf.robot.interfaces import FloatArray
     from rtf.robot.model import RobotModel
@@ -49,7 +46,7 @@ _SHORTEST = 0.5
 _SAME_LIMIT = 0.5
 
 
-class CartesianTest(RobotTest):
+class CartesianTest(TaskTest[ICartesianControl]):
     """Leads a hand to poses by a Cartesian controller. ``setup`` connects to it, and stores its settings.
 
     A test calls ``reach``. The controller has the settings of its start meanwhile; its own are restored afterwards.
@@ -78,10 +75,7 @@ class CartesianTest(RobotTest):
     peak = Parameter(float, "greatest peak of the speed, by its mean", default=3.0, low=1.0)
     joint_error = Parameter(float, "greatest error of a joint at rest", unit="deg", default=2.0, low=0.01)
 
-    control: ICartesianControl
     limb: Limb
-    remote: str
-    _answers = True
 
     def subjects(self, robot: RobotModel) -> list[str]:
         with suppress(RobotModelError, RefusedError):
@@ -94,36 +88,19 @@ class CartesianTest(RobotTest):
         """Connect to the controller and to the parts of its joints, and begin with its settings of the start."""
         super().setup()
         self.remote = f"/{(self.controller or f'{self.robot_name}/cartesianController/{self.arm}_arm').strip('/')}"
-        self.assert_error_if_false(
-            self.network.names.query(f"{self.remote}/rpc:i"),
-            f"there is no Cartesian controller {self.remote}; start it, and its solver if that is a program",
-        )
-        self.control = self._connect()
+        self.look_for("/rpc:i", "Cartesian controller", "start it, and its solver if that is a program")
+        self.control = self.connect("cartesiancontrollerclient").view(ICartesianControl)  # type: ignore[type-abstract]  # it is only looked for
         self.limb = self._find_limb()
         self.starting_positions = self.limb.positions()
         with self.asking():
             self.starting_pose = self._first_pose()
-            context = self.control.store_context()
-            self.add_cleanup(self._restore, context)
-            self.control.restore_context(0)
+            self.begin_settings()
             self.control.set_trajectory_time(self.time)
             self.control.set_tolerance(self.tolerance)
 
-    def _connect(self) -> ICartesianControl:
-        carrier = "tcp" if isinstance(self.clock, LockstepClock) else "udp"
-        where = Property({"remote": self.remote, "carrier": carrier})
-        try:
-            client = make_device("cartesiancontrollerclient", where, network=self.network)
-        except RobotError as error:
-            self.assert_fail(f"{self.remote} cannot be used: {error}")
-        self.add_cleanup(client.close)
-        return client.view(ICartesianControl)  # type: ignore[type-abstract]  # it is only looked for
-
     def _find_limb(self) -> Limb:
         """Return the chain of the version that the controller names, on the parts of its joints."""
-        with self.asking():
-            pairs = [as_list(one) for one in self.control.info()]
-        told = {as_string(pair[0]): as_string(pair[1]) for pair in pairs if pair is not None and len(pair) > 1}
+        told = self.told()
         robot = robot_model(self)
         try:
             chain = robot_chains(robot).chain(f"{self.arm}_arm", told.get("arm_version", "1.0"))
@@ -141,38 +118,6 @@ class CartesianTest(RobotTest):
                 return self.control.pose().vector
             except StaleStateError as error:
                 self.assert_fail_if_true(self.now() >= end, f"{self.remote}/state:o sends no poses: {error}")
-
-    def _restore(self, context: int) -> None:
-        """End a motion, and restore the settings that the controller had; one that does not answer is left as it is."""
-        if not self._answers:
-            self.warn(f"the settings of {self.remote} could not be restored: it does not answer")
-            return
-        self.control.stop()
-        self.control.restore_context(context)
-        self.control.delete_contexts([context])
-
-    @contextmanager
-    def asking(self) -> Iterator[None]:
-        """Turn what a controller answers wrongly, or not at all, into a failure of the test."""
-        try:
-            yield
-        except NoAnswerError as error:
-            self._answers = False
-            self.assert_fail(f"{self.remote} does not answer: {error}; {likely_causes('controller silent')}")
-        except StaleStateError as error:
-            self.assert_fail(f"{self.remote}/state:o is late: {error}; {likely_causes('controller late')}")
-        except RefusedError as error:
-            self.assert_fail(f"{error}{self._broken_joints()}")
-
-    def _broken_joints(self) -> str:
-        """Return which joints cannot move, for the reason of a refusal."""
-        broken = [
-            f"{joint} is in {mode.word}"
-            for joint, (part, number) in zip(self.limb.chain.joints, self.limb.places, strict=True)
-            for mode in part.board.control_modes([number])
-            if mode.word in ("hwfa", "idl", "cfgn")
-        ]
-        return f"; {', '.join(broken)}" if broken else ""
 
     def judge_limits(self) -> None:
         """Judge the limits that the controller keeps to at its start: those of the boards."""
@@ -199,7 +144,7 @@ class CartesianTest(RobotTest):
             try:
                 found = self.follow(np.asarray(target, dtype=np.float64))
             except LimbGuardError as error:
-                self._stop()
+                self.stop_controller()
                 self.blame(error.part, error, "does not move", during=f"{name} by {self.remote}")
         self._judge_encoders(found, traces)
         with self.subresult(name):
@@ -212,14 +157,6 @@ class CartesianTest(RobotTest):
                 peak=self.peak,
             )
             judge_reach(self, self.remote, found, bounds)
-
-    def _stop(self) -> None:
-        """Stop the controller, so that it does not move what the guard has stopped."""
-        try:
-            self.control.stop()
-        except RobotError as error:
-            self._answers = False
-            self.warn(f"{self.remote} could not be stopped: {error}")
 
     def follow(self, target: FloatArray) -> Reach:
         """Command a reach, and sample it until a moment after it is done."""
@@ -250,7 +187,7 @@ class CartesianTest(RobotTest):
         """
         late = self._late(found)
         if math.isinf(found.done):
-            self._stop()
+            self.stop_controller()
         for part, trace in traces:
             wrong = {place: text for (owner, place), text in late.items() if owner == part.name}
             evidence = encoder_disagreement(part, trace, Transmission.read(part.board))

@@ -91,10 +91,16 @@ class _Disturbance(NamedTuple):
 
 
 class GazeMotion:
-    """A controller with ``limits`` (deg) of the six joints of neck and eyes, as (6, 2). ``period`` is in seconds."""
+    """A controller with ``limits`` (deg) of the six joints of neck and eyes, as (6, 2). ``period`` is in seconds.
 
-    def __init__(self, eyes: Eyes, limits: ArrayLike, *, period: float = 0.01) -> None:
+    The neck is commanded speeds up to ``neck_speeds`` (deg/s).
+    """
+
+    def __init__(
+        self, eyes: Eyes, limits: ArrayLike, *, neck_speeds: ArrayLike = math.inf, period: float = 0.01
+    ) -> None:
         self.eyes = eyes
+        self.neck_speeds = np.broadcast_to(np.asarray(neck_speeds, dtype=np.float64), NECK)
         self.period = period
         self.limits = np.asarray(limits, dtype=np.float64)
         if self.limits.shape != (NECK + 3, 2) or not (self.limits[:, 0] <= self.limits[:, 1]).all():
@@ -303,7 +309,7 @@ class GazeMotion:
         neck = self._neck_filter.step(
             self.wanted[:NECK] - self._neck
         )  # not what is measured: boards lag, and it would overshoot
-        neck = self._turned_neck(now, disturbance, neck)
+        neck = self._turned_neck(now, disturbance, neck / max(1.0, float(np.max(np.abs(neck) / self.neck_speeds))))
         counter = self._counter(now, disturbance, neck)
         self._follow(now, counter)
         eyes = counter.copy()

@@ -46,10 +46,11 @@ if TYPE_CHECKING:
 
 #: Periods between two looks at the modes of the joints.
 _LOOK = 10
-#: The speed (deg/s) of saccades, and the acceleration (deg/s²) of velocities, which are smooth already.
-_JUMP_SPEED, _ACCELERATION = 1000.0, 1e4
+#: The acceleration (deg/s²) of velocities, which are smooth already, and the peak of a trajectory's speed by its mean.
+_ACCELERATION, _PEAK = 1e4, 1.875
 _TORSO = 3
 _AXES: tuple[NeckAxis, ...] = ("pitch", "roll", "yaw")
+_MODES = (*[ControlMode.POSITION_DIRECT] * NECK, *[ControlMode.MIXED] * NECK)
 _BROKEN = frozenset({ControlMode.HARDWARE_FAULT, ControlMode.IDLE, ControlMode.NOT_CONFIGURED})
 _EVENTS = (
     "motion-onset", "motion-done", "motion-ongoing", "saccade-onset", "saccade-done", "stabilization-on",
@@ -92,11 +93,13 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
         self._places = range(self._torso, self._torso + 2 * NECK)
         self._neck, self._eyes = [*self._places[:NECK]], [*self._places[NECK:]]
         allowed = np.array([limits.limits(place) for place in self._places])
+        self._jump_speeds = [limits.velocity_limits(place)[1] / _PEAK for place in self._eyes]
         allowed[NECK] = np.clip(allowed[NECK], *tilt)
-        self._motion = GazeMotion(views.eyes, allowed, period=period)
+        speeds = [limits.velocity_limits(place)[1] for place in self._neck]
+        self._motion = GazeMotion(views.eyes, allowed, neck_speeds=speeds, period=period)
         self._motion.settings = settings or GazeSettings()
         super().__init__(self._motion.settings)
-        self._suspended = False
+        self._suspended = self._halting = self._has_modes = False
         self._periods = 0
 
     # Motions ---------------------------------------------------------------------------------------------------------
@@ -120,26 +123,65 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
     def _prepare(self) -> None:
         """Bring the joints into the modes that they are commanded in. Raises RefusedError for one in fault."""
         places = [*self._places]
-        wanted = [ControlMode.POSITION_DIRECT] * NECK + [ControlMode.MIXED] * NECK
-        found = self._checked_modes(places)
-        changed = [index for index, mode in enumerate(found) if mode is not wanted[index]]
+        changed = self._others(self._checked_modes())
         if changed:
-            self._modes.set_control_modes([wanted[index] for index in changed], [places[index] for index in changed])
+            self._let_go()
+            self._modes.set_control_modes([_MODES[index] for index in changed], [places[index] for index in changed])
+            self._has_modes = False
             if any(index >= NECK for index in changed):
                 self._moves.set_reference_accelerations([_ACCELERATION] * NECK, self._eyes)
-                self._moves.set_reference_speeds([_JUMP_SPEED] * NECK, self._eyes)
+                self._moves.set_reference_speeds(self._jump_speeds, self._eyes)
 
-    def _checked_modes(self, places: Sequence[int]) -> Sequence[ControlMode]:
-        found = self._modes.control_modes(places)
-        names = [*self._views.eyes.head.joints[self._torso :], "eyes_tilt", "eyes_version", "eyes_vergence"]
-        broken = [f"{name} is in mode {mode.name}" for name, mode in zip(names, found, strict=True) if mode in _BROKEN]
+    def _checked_modes(self) -> Sequence[ControlMode]:
+        """Return the modes of neck and eyes. Raises RefusedError for a joint in fault."""
+        found = self._modes.control_modes([*self._places])
+        broken = [place for place, mode in enumerate(found) if mode in _BROKEN]
         if broken:
-            raise RefusedError(f"{'; '.join(broken)}: neck and eyes are not moved")
+            raise RefusedError(f"{self._named(broken, found)}: neck and eyes are not moved")
         return found
 
-    def stop(self) -> None:
+    @staticmethod
+    def _others(found: Sequence[ControlMode]) -> list[int]:
+        return [index for index, mode in enumerate(found) if mode is not _MODES[index]]
+
+    def _named(self, joints: Sequence[int], found: Sequence[ControlMode]) -> str:
+        names = [*self._views.eyes.head.joints[self._torso :], "eyes_tilt", "eyes_version", "eyes_vergence"]
+        return "; ".join(f"{names[joint]} is in mode {found[joint].name}" for joint in joints)
+
+    def _look_at_modes(self) -> None:
+        """Raise RefusedError for a joint in fault; let go of joints that another program has taken meanwhile."""
+        found = self._checked_modes()
+        others = self._others(found)
+        if others and self._has_modes:
+            self._let_go()
+            raise RefusedError(
+                f"{self._named(others, found)}: another program has taken the head, the motion was ended"
+            )
+        self._has_modes = not others  # a board may tell its modes late
+
+    def _let_go(self) -> None:
+        """End a motion without a command: the joints may be moved by another program."""
         with self.lock:
-            self._motion.stop()
+            moving = self._motion.abort()
+        if moving:
+            self.tell([ControllerEvent("motion-done", clock.current().now())])
+
+    def stop(self) -> None:
+        """See ITaskControl: when it returns, the boards have been told, and what others command them then counts."""
+        self._halt()
+
+    def _halt(self) -> None:
+        """End a motion, and stop the eyes; the neck holds what it was told last. Raises RobotError."""
+        with self.lock:
+            jumps, moving = self._motion.in_saccade, self._motion.abort()
+            self._halting = True  # a period that is under way may still command a velocity
+        try:
+            if jumps:
+                self._moves.stop(self._eyes)
+            self._velocities.velocity_move([0.0] * NECK, self._eyes)
+        finally:
+            if moving:
+                self.tell([ControllerEvent("motion-done", clock.current().now())])
 
     def motion_done(self) -> bool:
         with self.lock:
@@ -151,11 +193,11 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
 
     def suspend(self) -> None:
         self._suspend("suspended")
+        self._halt()
 
     def _suspend(self, event: str) -> None:
         with self.lock:
             was, self._suspended = self._suspended, True
-            self._motion.stop()
         if not was:
             self.tell([ControllerEvent(event, clock.current().now())])
 
@@ -174,12 +216,15 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
         """Do what a period needs, at the robot's time. Raises RobotError, and a motion ends, for boards that fail."""
         self._periods += 1
         with self.lock:
-            if not self._motion.at_work:
-                return
-            jumps = self._motion.in_saccade
+            works, jumps, halting = self._motion.at_work, self._motion.in_saccade, self._halting
+            self._halting = False
+        if not works:
+            if halting:
+                self._velocities.velocity_move([0.0] * NECK, self._eyes)
+            return
         try:
             if self._periods % _LOOK == 0:
-                self._checked_modes([*self._places])
+                self._look_at_modes()
             measured, rotation, speeds = self._measured(), self._rotation(), None
             if self._motion.settings.vestibular:
                 speeds = self._encoders.encoder_speeds([*range(self._torso + NECK)])
@@ -191,11 +236,11 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
                 events = self._events(command, measured, now)
             self._command(command)
         except RefusedError as error:
-            self._give_up(now, error)
+            self._give_up(error)
             raise
         except RobotError as error:
             self._suspend("comm-timeout")
-            self._give_up(now, error)
+            self._give_up(error)
             raise
         self.tell(events)
 
@@ -236,17 +281,13 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
         elif not self._motion.in_saccade:  # a velocity would end it
             self._velocities.velocity_move(command.eyes, self._eyes)
 
-    def _give_up(self, now: float, error: RobotError) -> None:
-        """End a motion, and stop the eyes if their board can be told so; the neck holds what it was told last."""
-        with self.lock:
-            moving = self._motion.abort()
+    def _give_up(self, error: RobotError) -> None:
+        """End a motion, and stop the eyes if their board can be told so."""
         self._change(stabilization=False)
         try:
-            self._velocities.velocity_move([0.0] * NECK, self._eyes)
+            self._halt()
         except RobotError as other:
             error.add_note(f"the eyes could not be stopped either: {other}")
-        if moving:
-            self.tell([ControllerEvent("motion-done", now)])
 
     # State -----------------------------------------------------------------------------------------------------------
 

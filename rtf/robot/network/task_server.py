@@ -95,7 +95,7 @@ class PeriodicControl(Protocol):
         """Do what a period needs, at the robot's time. Raises RobotError."""
 
     def stop(self) -> None:
-        """End a motion; what that needs of boards is done by the next period."""
+        """End a motion. Raises RobotError for boards that cannot be told."""
 
 
 C = TypeVar("C", bound=PeriodicControl)
@@ -117,8 +117,8 @@ class ControlledServer(Generic[C]):
 
     def close(self) -> None:
         """End a motion, and close the ports. A board that cannot be stopped any more is reported."""
-        self.controller.stop()
         try:
+            self.controller.stop()
             self.controller.publish(clock.current().now())
         except RobotError as error:
             self.server.network.report(f"{self.server.name}: the motion was not ended: {error}")

@@ -202,6 +202,11 @@ _CAUSES: dict[str, tuple[str, ...]] = {
     "reach time": ("joints that are late", "a controller that does not keep its period", "a solver that is slow"),
     "jerky reach": ("a joint that is blocked at times", "a controller that misses periods", "lost commands"),
     "touched limit": ("a wrong limit in the controller", "a joint that does not follow its commands"),
+    "gaze": (
+        "tables of another version of the head in the controller",
+        "a controller that ends its motions too early",
+        "a target out of reach",
+    ),
     "references": ("a lost command", "a board that does not report the command it was given"),
 }
 

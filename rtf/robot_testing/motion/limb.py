@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from rtf.robot.errors import RefusedError
 from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.judging.encoder_agreement import Motion, Tolerance, encoder_evidence
 
@@ -40,14 +41,17 @@ class JointPlace(NamedTuple):
     number: int
 
 
-class Limb:
-    """A chain and the parts of its joints; ``parts`` have all of them. Raises RefusedError for one that is missing."""
+class JointGroup:
+    """Joints and the parts that have them, all of them. Raises RefusedError for one that is missing."""
 
-    def __init__(self, chain: Chain, parts: Sequence[Part]) -> None:
-        self.chain = chain
+    def __init__(self, joints: Sequence[str], parts: Sequence[Part]) -> None:
+        self.joints = tuple(joints)
         self.parts = tuple(parts)
         found = {name: JointPlace(part, number) for part in parts for number, name in enumerate(part.names)}
-        self.places = [found[joint] for joint in chain.joints]
+        missing = [joint for joint in joints if joint not in found]
+        if missing:
+            raise RefusedError(f"no part has {', '.join(missing)}")
+        self.places = [found[joint] for joint in joints]
 
     @property
     def limits(self) -> tuple[FloatArray, FloatArray]:
@@ -76,6 +80,14 @@ class Limb:
         """Record the states of its parts inside the ``with`` block."""
         with ExitStack() as recording:
             yield [(part, recording.enter_context(part.recorded())) for part in self.parts]
+
+
+class Limb(JointGroup):
+    """A chain and the parts of its joints; ``parts`` have all of them. Raises RefusedError for one that is missing."""
+
+    def __init__(self, chain: Chain, parts: Sequence[Part]) -> None:
+        super().__init__(chain.joints, parts)
+        self.chain = chain
 
 
 def encoder_disagreement(part: Part, trace: Trace, transmission: Transmission) -> list[Evidence]:

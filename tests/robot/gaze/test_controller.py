@@ -338,6 +338,24 @@ def test_positions_that_are_lost_suspend_the_controller(lost, monkeypatch):
     assert rig.error(POINT) <= 0.3
 
 
+def test_another_program_may_take_the_head():
+    """A motion ends, and the joints are left alone; the next one begins where they are, without a jump."""
+    rig = Rig()
+    rig.look(POINT, 0.4)
+    rig.board.set_control_modes(ControlMode.POSITION, [3, 4, 5, 6, 7, 8])
+    rig.board.position_move([0.0] * 6, [3, 4, 5, 6, 7, 8])
+    with pytest.raises(RefusedError, match="another program has taken the head"):
+        rig.run(0.15)
+    assert rig.names[-1] == "motion-done"
+    rig.run(2.0)
+    assert rig.controller.joints().values[3:] == pytest.approx([0.0] * 6, abs=1e-6)
+    rig.controller.look_at(FixationPoint(POINT))
+    rig.run(0.02)
+    assert rig.controller.joints().values[3:6] == pytest.approx([0.0] * 3, abs=0.1)
+    rig.run(3.0)
+    assert rig.error(POINT) <= 0.3
+
+
 def test_suspended_it_leaves_the_joints_alone():
     """A motion ends, targets are refused, twice is the same as once."""
     rig = Rig()

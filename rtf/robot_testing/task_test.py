@@ -1,0 +1,105 @@
+"""Base class of tests of controllers in space: their client, their settings, and what they do not answer."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+from rtf.bottle import Property, as_list, as_string
+from rtf.middleware.clocks.network_clock import LockstepClock
+from rtf.robot.device import make_device
+from rtf.robot.errors import NoAnswerError, RefusedError, RobotError, StaleStateError
+from rtf.robot.interfaces import ITaskControl
+from rtf.robot_testing.guard.safety import Safety
+from rtf.robot_testing.judging.failure_causes import likely_causes
+from rtf.robot_testing.robot_test import RobotTest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rtf.robot.device import Device
+    from rtf.robot_testing.motion.limb import JointGroup
+
+C = TypeVar("C", bound=ITaskControl)
+
+
+class TaskTest(RobotTest, Generic[C]):
+    """A test of a controller that moves ``limb``; ``remote`` is the beginning of its ports.
+
+    The controller has the settings of its start meanwhile; its own are restored afterwards.
+    """
+
+    safety = Safety.MOTION
+
+    control: C
+    limb: JointGroup
+    remote: str
+    _answers = True
+
+    def look_for(self, end: str, what: str, todo: str) -> None:
+        """Check that the controller has its port of requests. The test cannot be done without one."""
+        found = self.network.names.query(f"{self.remote}{end}")
+        self.assert_error_if_false(found, f"there is no {what} {self.remote}; {todo}")
+
+    def connect(self, client: str) -> Device:
+        """Return an open client of a type; the test fails if the controller cannot be used."""
+        carrier = "tcp" if isinstance(self.clock, LockstepClock) else "udp"
+        where = Property({"remote": self.remote, "carrier": carrier})
+        try:
+            made = make_device(client, where, network=self.network)
+        except RobotError as error:
+            self.assert_fail(f"{self.remote} cannot be used: {error}")
+        self.add_cleanup(made.close)
+        return made
+
+    def told(self) -> dict[str, str]:
+        """Return what the controller says of itself, by keys such as ``arm_version``."""
+        with self.asking():
+            pairs = [as_list(one) for one in self.control.info()]
+        return {as_string(pair[0]): as_string(pair[1]) for pair in pairs if pair is not None and len(pair) > 1}
+
+    def begin_settings(self) -> None:
+        """Store the settings of the controller, which are restored at the end, and begin with those of its start."""
+        context = self.control.store_context()
+        self.add_cleanup(self._restore, context)
+        self.control.restore_context(0)
+
+    def _restore(self, context: int) -> None:
+        """End a motion, and restore the settings that the controller had; one that does not answer is left as it is."""
+        if not self._answers:
+            self.warn(f"the settings of {self.remote} could not be restored: it does not answer")
+            return
+        self.control.stop()
+        self.control.restore_context(context)
+        self.control.delete_contexts([context])
+
+    def stop_controller(self) -> None:
+        """Stop the controller, so that it does not move what the guard has stopped."""
+        try:
+            self.control.stop()
+        except RobotError as error:
+            self._answers = False
+            self.warn(f"{self.remote} could not be stopped: {error}")
+
+    @contextmanager
+    def asking(self) -> Iterator[None]:
+        """Turn what a controller answers wrongly, or not at all, into a failure of the test."""
+        try:
+            yield
+        except NoAnswerError as error:
+            self._answers = False
+            self.assert_fail(f"{self.remote} does not answer: {error}; {likely_causes('controller silent')}")
+        except StaleStateError as error:
+            self.assert_fail(f"{self.remote} sends its state late: {error}; {likely_causes('controller late')}")
+        except RefusedError as error:
+            self.assert_fail(f"{error}{self._broken_joints()}")
+
+    def _broken_joints(self) -> str:
+        """Return which joints cannot move, for the reason of a refusal."""
+        broken = [
+            f"{joint} is in {mode.word}"
+            for joint, (part, number) in zip(self.limb.joints, self.limb.places, strict=True)
+            for mode in part.board.control_modes([number])
+            if mode.word in ("hwfa", "idl", "cfgn")
+        ]
+        return f"; {', '.join(broken)}" if broken else ""
