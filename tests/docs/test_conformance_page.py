@@ -12,7 +12,7 @@ from rtf.testing.plugins import find, load_test, shipped_folder
 
 PAGE = Path(__file__).parents[2] / "docs" / "conformance.md"
 #: Tests of the C++ suite that this project does not have yet, and those of this project that the other does not have.
-MISSING = {"GazeControlSimpleLookTest", "gazeController-stress"}
+MISSING: set[str] = set()
 OWN = {
     "BatteryTest",
     "CameraMotion",
