@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 from contextlib import ExitStack, closing
 from typing import TYPE_CHECKING, NamedTuple
 
-from rtf.bottle import Bottle, Property
+from rtf.bottle import Bottle, Property, as_list, as_string
 from rtf.cli.parser import Parser, add_dialect
 from rtf.errors import RtfError
+from rtf.resources import ResourceFinder
 from rtf.robot.model.names import DEFAULT_ROBOT
+from rtf.robot_testing.robot_name import ROBOT_VARIABLE
 from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
@@ -46,12 +49,20 @@ It has the ports of the iCub's iKinCartesianSolver, so the iCub's controller wor
   NAME/rpc   settings, questions and state: "help" has the words
 Where the joints are, it reads from the boards /ROBOT/PART; it moves nothing.
 
+The command line of the original is taken, too: --part LIMB, and with --context or --from the group LIMB of a file
+(default: cartesianSolver.ini), of which name, robot, type, dof, rest_pos, rest_weights, pose and mode are used.
+
 examples:
+  rtf cartesian solver --context cartesianSolver --part left_arm
   rtf cartesian solver left_arm --robot icubSim --drawn "(5 (0 0 -1) (0 0 1))"
   rtf rpc /cartesianSolver/left_arm/rpc
   > ask (xd (-0.3 -0.15 0.1)) (pose xyz)              # the posture; nothing moves
   > stat
 """
+
+
+class CommandError(RtfError, ValueError):
+    """A command line that does not fit the files that it names."""
 
 
 class _Limb(NamedTuple):
@@ -101,13 +112,20 @@ def solver(words: Sequence[str]) -> int:
     """Run a solver until a signal, or until it is asked to quit; returns the exit code."""
     parser = _parser("solver", "Find the postures for targets of a Cartesian controller.", _SOLVER_EPILOG)
     parser.add_argument("--name", metavar="/PORT", default="", help="its ports (default: /cartesianSolver/LIMB)")
+    parser.add_argument("--part", metavar="LIMB", default="", help="the same as LIMB")
+    parser.add_argument("--context", metavar="C", default="", help="where the file is looked for, as YARP does")
+    parser.add_argument("--from", metavar="FILE", default="", dest="file", help="the file (cartesianSolver.ini)")
     options = parser.parse_args(words)
+    options.limb = options.limb or options.part
+    if not options.limb:
+        parser.error("which LIMB? such as left_arm")
+    settings = _settings(words, options)
     name = f"/{(options.name or f'cartesianSolver/{options.limb}').strip('/')}"
     end = threading.Event()
 
     def start(network: Network, opened: ExitStack) -> None:
         from rtf.robot.cartesian.device import read_preference
-        from rtf.robot.cartesian.solver import CartesianSolver, SolverPorts
+        from rtf.robot.cartesian.solver import SOLVER_TABLE, CartesianSolver, SolverPorts
         from rtf.robot.parameters import names as names_in
 
         limb = _limb(options)
@@ -118,7 +136,7 @@ def solver(words: Sequence[str]) -> int:
             return CartesianSolver(
                 board,
                 limb.chain,
-                active=limb.own,
+                active=_active(settings, limb),
                 together=names_in(given, "Together"),
                 drawn=read_preference(given, limb.chain),
                 answer=answer,
@@ -126,15 +144,25 @@ def solver(words: Sequence[str]) -> int:
                 report=network.report,
             )
 
-        opened.enter_context(closing(SolverPorts(name, make, network)))
+        ports = opened.enter_context(closing(SolverPorts(name, make, network)))
+        for key, request in (("rest_pos", "resp"), ("rest_weights", "resw"), ("pose", "pose"), ("mode", "mode")):
+            if settings.check(key):
+                SOLVER_TABLE.answer(ports.solver, Bottle(["set", request, settings.find(key)]))
 
     return _run(name, start, end)
 
 
 def _parser(name: str, description: str, epilog: str) -> Parser:
     parser = Parser(prog=f"rtf cartesian {name}", description=description, epilog=epilog)
-    parser.add_argument("limb", metavar="LIMB", help="a chain of the robot's tables, such as left_arm or right_leg")
-    parser.add_argument("--robot", metavar="NAME", default="icub", help="the beginning of its ports (default: icub)")
+    parser.add_argument(
+        "limb",
+        metavar="LIMB",
+        nargs="?" if name == "solver" else None,
+        default="",
+        help="a chain of the robot's tables, such as left_arm or right_leg",
+    )
+    robot = os.environ.get(ROBOT_VARIABLE) or "icub"
+    parser.add_argument("--robot", metavar="NAME", default=robot, help=f"the beginning of its ports (default: {robot})")
     parser.add_argument(
         "--model",
         metavar="ROBOT",
@@ -153,6 +181,34 @@ def _parser(name: str, description: str, epilog: str) -> Parser:
     )
     add_dialect(parser)
     return parser
+
+
+def _settings(words: Sequence[str], options: argparse.Namespace) -> Property:
+    """Return the group of the limb in a file, if one is named, and take its name, robot and type as options."""
+    if not (options.context or options.file):
+        return Property()
+    finder = ResourceFinder()
+    finder.configure(words, default_file="cartesianSolver.ini")
+    group = finder.properties.find_group(options.limb)
+    if group is None:
+        raise CommandError(f"{options.file or 'cartesianSolver.ini'} has no group [{options.limb}]")
+    settings = Property.from_bottle(group)
+    options.name = options.name or as_string(settings.get("name", ""))
+    options.robot = as_string(settings.get("robot", options.robot))
+    if settings.check("type"):
+        _, _, version = as_string(settings.find("type")).partition("_v")
+        options.version = version if "." in version else f"{version or 1}.0"
+    return settings
+
+
+def _active(settings: Property, limb: _Limb) -> list[bool]:
+    """Return which joints take part: ``dof`` of the settings, else those of the limb's own part."""
+    given = as_list(settings.find("dof")) if settings.check("dof") else None
+    chosen = list(limb.own)
+    for place, value in enumerate((given or [])[: len(chosen)]):
+        if value in (0, 1):
+            chosen[place] = bool(value)
+    return chosen
 
 
 def _lists(options: argparse.Namespace) -> list[Bottle]:

@@ -42,6 +42,8 @@ _FIRST_POSE, _LATEST_POSE = 0.1, 5.0
 _REST = 0.4
 #: The least duration of a reach, in trajectory times: shorter, and it has not kept to its time.
 _SHORTEST = 0.5
+#: Modes of joints that another program moves, or that are being calibrated.
+_OTHER_MODES = frozenset({"pos", "vel", "torq", "ipwm", "icur", "cal"})
 #: Limits that are the same, deg: those of a board may be rounded.
 _SAME_LIMIT = 0.5
 
@@ -187,7 +189,11 @@ class CartesianTest(TaskTest[ICartesianControl]):
         """
         late = self._late(found)
         if math.isinf(found.done):
+            taken = self._taken_joints()
             self.stop_controller()
+            self.assert_error_if_true(
+                taken, f"another program, or a calibration, has taken {', '.join(taken)} from {self.remote}"
+            )
         for part, trace in traces:
             wrong = {place: text for (owner, place), text in late.items() if owner == part.name}
             evidence = encoder_disagreement(part, trace, Transmission.read(part.board))
@@ -200,6 +206,16 @@ class CartesianTest(TaskTest[ICartesianControl]):
             f"{self.remote} has not reached its target in {self.timeout:g} s"
             + (f": {'; '.join(late.values())}" if late else "; all joints are where its solution has them"),
         )
+
+    def _taken_joints(self) -> list[str]:
+        """Return the active joints that another program controls, with their modes."""
+        active = self.control.active_joints()
+        return [
+            f"{joint} ({mode.word})"
+            for chosen, joint, (part, number) in zip(active, self.limb.joints, self.limb.places, strict=True)
+            for mode in part.board.control_modes([number])
+            if chosen and mode.word in _OTHER_MODES
+        ]
 
     def _late(self, found: Reach) -> dict[tuple[str, int], str]:
         """Return the joints that are not where the solution has them, by part and number, each with a sentence."""

@@ -121,10 +121,29 @@ def test_a_controller_with_a_solver_moves_the_robot(lab: Lab):
         (("solver", "left_hand"), "has no chain 'left_hand'; its chains are"),
         (("control", "left_arm", "--robot", "nobody"), "/nobody/torso cannot be opened"),
         (("solver", "left_arm", "--robot", "bot", "--drawn", "(50 (0 0 -1) (0 0 1))"), "Drawn"),
+        (("solver", "left_arm", "--context", "nothing"), "cartesianSolver.ini has no group [left_arm]"),
     ],
 )
 def test_what_cannot_be_started_is_told(lab: Lab, words: tuple[str, ...], text: str):
-    """With the thing, and the exit code 1."""
+    """With the thing, and an exit code."""
     program, said = lab.start(*words)
-    assert program.wait(30.0) == 1
+    assert program.wait(30.0) == (4 if "--context" in words else 1)
     assert text in said.read_text()
+
+
+def test_a_solver_takes_the_command_line_of_the_original(lab: Lab):
+    """With a file, whose group has its name, its robot and its settings."""
+    (lab.folder / "solvers.ini").write_text(
+        "[left_arm]\nname someSolver\nrobot bot\ntype left_v2.5\ndof (1 0 1)\nrest_pos (0 5)\nrest_weights (2 2)\n"
+        "pose xyz\nmode cont\n"
+    )
+    lab.ready("solver", "--part", "left_arm", "--from", "solvers.ini")
+    with RpcClient("/asks", "/someSolver/rpc", network=lab.network) as asker:
+        answers = {
+            word: asker.call(Bottle.parse(f"get {word}"), timeout=5.0).to_text()
+            for word in ("dof", "pose", "mode", "resp", "resw")
+        }
+    assert answers["dof"] == "[ack] (1 0 1 1 1 1 1 1 1 1)"
+    assert (answers["pose"], answers["mode"]) == ("[ack] [xyz]", "[ack] [cont]")
+    assert answers["resp"].startswith("[ack] (0.0 5.0 0.0")
+    assert answers["resw"].startswith("[ack] (2.0 2.0 0.0")

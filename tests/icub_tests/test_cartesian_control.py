@@ -1,4 +1,7 @@
-"""The tests of Cartesian control on the simulated robot, whose configuration has controllers of its arms."""
+"""The tests of Cartesian control on the simulated robot, whose configuration has controllers of its arms.
+
+More faults are in the claims of these tests, which the proof tries.
+"""
 
 from __future__ import annotations
 
@@ -16,15 +19,10 @@ P2P, TOLERANCE = "CartesianControlSimpleP2pMovement", "CartesianControlReachingT
 #: Name, test, parameters.
 CASES = {
     "p2p": (P2P, {}),
-    "p2p-right": (P2P, {"arm": "right"}),
-    "tolerance": (TOLERANCE, {}),
     "original": ("CartesianControlReachingToleranceTest", {"arm-type": "right", "robot": "icubSim"}),
     "far": (P2P, {"target": "(-1.0 -0.1 0.0)"}),
     "frame": (P2P, {"inject": f"controller_frame {LEFT} shift=20"}),
-    "silent": (TOLERANCE, {"inject": f"controller_silent {LEFT} delay=1"}),
     "late": (TOLERANCE, {"inject": f"latency {LEFT}/state:o delay=0.08"}),
-    "jam": (P2P, {"inject": "jam l_elbow"}),
-    "slip": (TOLERANCE, {"inject": "encoder_bias l_elbow bias=10 delay=1"}),
     "limit": (P2P, {"inject": "wrong_upper_limit l_elbow"}),
     "foreign": (P2P, {"controller": "/icubSim/cartesianController/left_hand"}),
 }
@@ -48,7 +46,7 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
     return run_command(folder, "--suite", "suite.xml", limit=240.0)
 
 
-@pytest.mark.parametrize("name", ["p2p", "p2p-right", "tolerance", "original"])
+@pytest.mark.parametrize("name", ["p2p", "original"])
 def test_a_healthy_arm_reaches_its_targets(outcome: Outcome, measured, name: str):
     """By the controller's word and by the encoders, in time, in one sweep, away from limits; with a picture."""
     assert outcome.verdict(name) is Verdict.PASSED, outcome.detail(name)
@@ -91,23 +89,13 @@ def test_late_poses_are_measured(outcome: Outcome, measured):
     assert delays == pytest.approx([0.08, 0.08], abs=0.012)
 
 
-@pytest.mark.parametrize(
-    ("name", "text"),
-    [
-        ("silent", f"{LEFT} does not answer: .*likely: a controller that has stopped, or hangs"),
-        ("limit", r"l_elbow: the upper limit of .*left_arm is 106\.0 deg, that of its board 116\.0 deg"),
-        ("jam", "l_elbow"),
-        ("slip", "l_elbow: joint and motor encoder disagree"),
-    ],
-)
-def test_faults_are_named(outcome: Outcome, name: str, text: str):
-    """A joint, or the controller."""
-    import re
-
-    assert outcome.verdict(name) is Verdict.FAILED, outcome.detail(name)
-    assert re.search(text, said(outcome, name) + outcome.detail(name))
-    if name == "limit":
-        assert failed_parts(outcome, name) == ["l_elbow"]
+def test_a_limit_of_another_board_is_named(outcome: Outcome):
+    """By its joint, in a sub-result of that."""
+    assert outcome.verdict("limit") is Verdict.FAILED
+    assert failed_parts(outcome, "limit") == ["l_elbow"]
+    assert "the upper limit of /icubSim/cartesianController/left_arm is 106.0 deg, that of its board 116.0" in said(
+        outcome, "limit"
+    )
 
 
 def test_without_a_controller_there_is_an_error(outcome: Outcome):
