@@ -14,6 +14,7 @@ A picture is evaluated before its message is acknowledged: in lockstep the place
 from __future__ import annotations
 
 import threading
+from collections import deque
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -41,6 +42,10 @@ if TYPE_CHECKING:
 
 #: Pictures of both eyes whose stamps differ by less are of one moment (s).
 _TOGETHER = 0.005
+#: How long a picture of the left eye waits for its pair (s), and the pictures that are kept of each eye.
+_LATEST, _KEPT = 0.5, 32
+#: A stamp that is earlier than the last one by more (s) is not a repetition, but the clock was set back.
+_CLOCK_SET_BACK = 1.0
 #: How long a reader may take to acknowledge a place in lockstep (s).
 _PATIENCE = 5.0
 _GREEN = (0, 255, 0)
@@ -78,8 +83,8 @@ class Tracker:
         self._head = head
         self._acknowledged = acknowledged
         self._lock = threading.Lock()
-        self._left: _Picture | None = None
-        self._right: _Picture | None = None
+        self._lefts: deque[_Picture] = deque(maxlen=_KEPT)
+        self._rights: deque[_Picture] = deque(maxlen=_KEPT)
         self._done = -np.inf  # the time of the latest picture that was evaluated
         self._said = ""
         with ExitStack() as opened:
@@ -98,29 +103,39 @@ class Tracker:
     def _take_left(self, delivery: IncomingMessage) -> None:
         picture = _picture(delivery)
         with self._lock:
-            if picture.stamp.time <= self._done and picture.stamp.time > self._done - 1.0:
+            time = picture.stamp.time
+            newest = self._lefts[-1].stamp.time if self._lefts else self._done
+            if newest - _CLOCK_SET_BACK < time <= newest:
                 return  # it came twice, by two connections
-            waiting, self._left = self._left, picture
-            # If the one before still waits for the right eye, that has stopped.
-            if self._is_pair() or not self.right.inputs or waiting is not None:
-                self._evaluate()
+            if time < newest:
+                self._lefts.clear()
+                self._rights.clear()
+            self._lefts.append(picture)
+            self._evaluate_pairs()
 
     def _take_right(self, delivery: IncomingMessage) -> None:
         picture = _picture(delivery)
         with self._lock:
-            self._right = picture
-            if self._is_pair():
-                self._evaluate()
+            self._rights.append(picture)
+            self._evaluate_pairs()
 
-    def _is_pair(self) -> bool:
-        left, right = self._left, self._right
-        return left is not None and right is not None and abs(left.stamp.time - right.stamp.time) < _TOGETHER
+    def _evaluate_pairs(self) -> None:
+        """Evaluate the pictures of the left eye whose pair has come, or will not come. Called with the lock held.
 
-    def _evaluate(self) -> None:
+        Several pictures of one eye may come before those of the other.
+        """
+        while self._lefts:
+            left = self._lefts[0]
+            time = left.stamp.time
+            right = next((one for one in self._rights if abs(one.stamp.time - time) < _TOGETHER), None)
+            gone = any(one.stamp.time > time + _TOGETHER for one in self._rights) or not self.right.inputs
+            if right is None and not gone and self._lefts[-1].stamp.time < time + _LATEST:
+                return
+            self._lefts.popleft()
+            self._evaluate(left, right)
+
+    def _evaluate(self, left: _Picture, right: _Picture | None) -> None:
         """Find the ball, and send its place. Called with the lock held."""
-        left, right = self._left, self._right if self._is_pair() else None
-        assert left is not None
-        self._left = None
         self._done = left.stamp.time
         height, width = left.pixels.shape[:2]
         camera = pinhole(width, height, self._field_of_view)

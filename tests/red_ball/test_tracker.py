@@ -150,3 +150,11 @@ class TestTracker:
             assert np.linalg.norm(bench.place() - ICUB.scene.ball) < 0.01
         finally:
             remote.connect(network, source, target, "tcp")
+
+    def test_pictures_that_come_together_are_paired(self, bench: Bench):
+        """Several of one eye come before those of the other; each is evaluated with its own, none with an old one."""
+        for x in (-0.45, -0.44, -0.43, -0.42):
+            bench.robot.ball.move((x, 0.0, 0.25))
+            bench.time.sleep(0.25)
+            assert np.linalg.norm(bench.place() - [x, 0.0, 0.25]) < 0.001  # by its size alone it is not so exact
+        assert bench.said == []
