@@ -105,7 +105,7 @@ class TestWords:
         reply = ask(port, "[help]", way)
         assert Bottle([reply[0]]).to_text() == "[many]"
         words = {str(line).split("]")[0][1:] for line in [*reply][1:]}
-        assert words == {"help", "ver", "add", "del", "list", "set", "get", "prop"}
+        assert words == {"help", "ver", "add", "del", "list", "set", "get", "atch", "dtch", "prop"}
 
     def test_words_of_four_letters_are_enough(self, port: Port, way: str):
         """``property`` is understood as ``prop``."""
@@ -272,7 +272,8 @@ class TestModify:
             assert ask(port, f"[{word}]", way).to_text() == wanted
             assert ask(port, f"[{word}] [up]", way).to_text() == wanted
         assert (
-            ask(port, '[atch] [in] "(type lua) (file x)"', way).to_text() == '[fail] "port monitors are not supported"'
+            ask(port, '[atch] [in] "(type lua) (file x)"', way).to_text()
+            == '[fail] "the port monitor x.lua is neither in the contexts nor among the shipped ones"'
         )
         assert ask(port, "[dtch] [out]", way).to_text() == "[fail]"
 

@@ -9,7 +9,8 @@ import threading
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Bottle, Property, Vocab, as_string
-from rtf.middleware.ports import describe, dialect_probe, qos
+from rtf.middleware.errors import ConnectError
+from rtf.middleware.ports import describe, dialect_probe, monitoring, qos
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -26,6 +27,8 @@ _COMMANDS = (
     ("[list] [in|out] [$port]", "the connections, or how one of them is made"),
     ("[set] [in|out] $port ($key $value)...", "change a connection's carrier"),
     ("[get] [in|out] $port", "how a connection's carrier is set"),
+    ("[atch] [in|out] $properties", "have a script look at all messages: (type lua) (file name)"),
+    ("[dtch] [in|out]", "end that"),
     (
         "[prop] [get] [$key]",
         "properties of the port; with its own name: process and threads; with another: the connection",
@@ -103,7 +106,7 @@ def _modify(port: describe.AdministeredPort, request: Bottle) -> Bottle:
     if not name:
         return Bottle([-1, "target port is not specified.\r\n"])
     if name == port.name:
-        return Bottle([_FAIL, f"No port modifier is attached to the {'input' if inward else 'output'}"])
+        return _modify_port(port, request, "in" if inward else "out")
     known: Sequence[qos.Connection] = port.inputs if inward else port.outputs
     way = "from" if inward else "to"
     found = next((connection for connection in known if connection.peer == name), None)
@@ -111,23 +114,42 @@ def _modify(port: describe.AdministeredPort, request: Bottle) -> Bottle:
         # YARP writes "incoming" for both directions, and programs may look for that text.
         return Bottle([-1, f"Could not find an incoming connection {way} {name}\r\n"])
     if _word(request.get(0)) == "get":
+        if found.monitor is not None:
+            return Bottle([found.monitor.get()])
         return Bottle([Property() if found.priority is None else found.priority.describe()])
     if found.priority is not None:
         found.priority.change(request)
+    if found.monitor is not None:
+        found.monitor.set(request[3:])
     return Bottle([0, f"Configured connection {way} {name}\r\n"])
 
 
-def _attach(_port: describe.AdministeredPort, request: Bottle) -> Bottle:
-    if _word(request.get(1)) not in ("in", "out"):
+def _modify_port(port: describe.AdministeredPort, request: Bottle, way: str) -> Bottle:
+    monitor = port.port_monitor(way)
+    if monitor is None:
+        return Bottle([_FAIL, f"No port modifier is attached to the {way}put"])
+    if _word(request.get(0)) == "get":
+        return Bottle([monitor.get()])
+    monitor.set(request[3:])
+    return Bottle([0, f"Configured port {port.name}\r\n"])
+
+
+def _attach(port: describe.AdministeredPort, request: Bottle) -> Bottle:
+    way = _word(request.get(1))
+    if way not in ("in", "out"):
         return Bottle([_FAIL, "attach command must be followed by [out] or [in]"])
-    return Bottle([_FAIL, "port monitors are not supported"])
+    try:
+        port.attach_monitor(way, monitoring.of_request(request[2:]))
+    except ConnectError as error:
+        return Bottle([_FAIL, str(error)])
+    return Bottle([_OK])
 
 
-def _detach(_port: describe.AdministeredPort, request: Bottle) -> Bottle:
-    """Refuse: ports of this library never have a monitor attached."""
-    if _word(request.get(1)) not in ("in", "out"):
+def _detach(port: describe.AdministeredPort, request: Bottle) -> Bottle:
+    way = _word(request.get(1))
+    if way not in ("in", "out"):
         return Bottle([_FAIL, "detach command must be followed by [out] or [in]"])
-    return Bottle([_FAIL])
+    return Bottle([_OK if port.attach_monitor(way, None) else _FAIL])
 
 
 def _property(port: describe.AdministeredPort, request: Bottle) -> Bottle:

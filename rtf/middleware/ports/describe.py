@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rtf.bottle import Property
+    from rtf.middleware.monitors.attached import Attached
+    from rtf.middleware.monitors.script import ScriptName
     from rtf.middleware.ports.inputs import Input
     from rtf.middleware.ports.network import Network
     from rtf.middleware.ports.outputs import Output
@@ -48,6 +50,12 @@ class AdministeredPort(Protocol):
 
     def remove_input(self, name: str) -> bool:
         """End the inputs from a port. Return False if there is none."""
+
+    def attach_monitor(self, way: str, name: ScriptName | None) -> bool:
+        """Have a script look at all messages ``in`` or ``out``; None ends that. Return whether there was one."""
+
+    def port_monitor(self, way: str) -> Attached | None:
+        """Return the script that does."""
 
 
 _HELP = (

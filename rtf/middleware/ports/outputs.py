@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from rtf.middleware.carriers import registry
 from rtf.middleware.errors import ConnectError, MiddlewareError
+from rtf.middleware.ports import monitoring
 from rtf.middleware.ports.dialect_probe import dialect_of_reader
 from rtf.middleware.ports.qos import Connection
 from rtf.middleware.types.codecs import other_dialect
@@ -16,10 +17,11 @@ from rtf.middleware.wire import modifiers
 
 if TYPE_CHECKING:
     import socket as sockets
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from rtf.bottle import Dialect
     from rtf.middleware.carriers.base import CarrierPort, OutputLink
+    from rtf.middleware.monitors.attached import Attached
     from rtf.middleware.ports.network import Network
     from rtf.middleware.types.codecs import Codec
     from rtf.middleware.wire.contact import Contact
@@ -40,11 +42,16 @@ class Output(Connection):
     def __init__(self, link: OutputLink, target: Contact, ask: Callable[[], Dialect | None]) -> None:
         self.link = link
         self.target = target
+        #: The name of the port that sends.
+        self.source = ""
         self.lock = threading.Lock()
         self._timeout: float | None = None
         self._ask = ask
         #: The dialect of the other end; None: it does not tell.
         self.dialect = ask()
+        #: The monitor of all outputs of the port, and what returns those of its other outputs.
+        self.port_monitor: Attached | None = None
+        self.others: Callable[[], Iterable[Attached]] = tuple
 
     @property
     def peer(self) -> str:
@@ -62,6 +69,18 @@ class Output(Connection):
     @property
     def socket(self) -> sockets.socket | None:
         return self.link.endpoint
+
+    def monitored(self, message: OutgoingMessage) -> OutgoingMessage | None:
+        """Return the message that is sent, as :meth:`encoded`; None if a monitor drops it."""
+        if self.monitor is None and self.port_monitor is None:
+            return self.encoded(message)
+        passed = monitoring.outgoing(message, self.source, self.monitors, self.others)
+        return None if passed is None else self.encoded(passed)
+
+    @property
+    def monitors(self) -> list[Attached]:
+        """The monitors that look at its messages."""
+        return [one for one in (self.port_monitor, self.monitor) if one is not None]
 
     def encoded(self, message: OutgoingMessage) -> OutgoingMessage:
         """Return the message in the dialect of this reader.
@@ -90,15 +109,22 @@ class Output(Connection):
             if timeout != self._timeout:  # saves a system call
                 self.link.limit_waiting(timeout)
                 self._timeout = timeout
-            self.link.send(self.encoded(message))
+            sent = self.monitored(message)
+            if sent is None:
+                return None
+            self.link.send(sent)
             reply, spoken = self.link.receive_reply_in_any(codec, message.dialect)
             if spoken is not message.dialect:
                 self.dialect = spoken
             self.link.finish()
+            if reply is not None and (self.monitor is not None or self.port_monitor is not None):
+                reply = monitoring.received_reply(reply, codec, message, self.peer, self.monitors)
             return reply
 
     def close(self, *, politely: bool = True) -> None:
         """End the connection; ``politely`` tells the peer first, if no other thread is waiting in it."""
+        if self.monitor is not None:
+            self.monitor.end()
         if not politely or not self.lock.acquire(timeout=1.0):
             self.link.close(politely=False)  # another thread is waiting in it: that wait ends now
             return
@@ -145,7 +171,12 @@ def send_to_all(
             output.lock.acquire()
             waiting.append(output)
             try:
-                output.link.send(output.encoded(message))
+                sent = output.monitored(message)
+                if sent is None:
+                    waiting.pop()
+                    output.lock.release()
+                    continue
+                output.link.send(sent)
             except MiddlewareError as error:
                 waiting.pop()
                 output.lock.release()
@@ -171,7 +202,10 @@ def _send_to_one(output: Output, message: OutgoingMessage, failed: Callable[[Out
     link = output.link
     with output.lock:
         try:
-            link.send(output.encoded(message))
+            sent = output.monitored(message)
+            if sent is None:
+                return 0
+            link.send(sent)
             link.finish()
         except MiddlewareError as error:
             broken = error

@@ -82,7 +82,9 @@ class PipelinedPort(Port):
         for output in self._outputs:
             try:
                 with output.lock:
-                    output.link.send_all([output.encoded(message) for message in messages])
+                    output.link.send_all(
+                        [passed for message in messages if (passed := output.monitored(message)) is not None]
+                    )
             except MiddlewareError as error:
                 self._lost(output, error)
             else:

@@ -20,7 +20,7 @@ from rtf.middleware.carriers.base import Group
 from rtf.middleware.carriers.socket_watcher import SHARED_LISTENER
 from rtf.middleware.carriers.stream import Stream
 from rtf.middleware.errors import ConnectError, MiddlewareError, NameNotFoundError, PortClosedError, ProtocolError
-from rtf.middleware.ports import access, admin, describe, priority
+from rtf.middleware.ports import access, admin, describe, monitoring, priority
 from rtf.middleware.ports.disconnect_sources import disconnect_sources
 from rtf.middleware.ports.inputs import Input
 from rtf.middleware.ports.message_handoff import MessageHandoff
@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from types import TracebackType
 
     from rtf.errors import RtfError
+    from rtf.middleware.monitors.attached import Attached
+    from rtf.middleware.monitors.script import ScriptName
     from rtf.middleware.ports.network import Network
     from rtf.middleware.ports.qos import Connection, Qos
     from rtf.middleware.types.codecs import Buffer, Codec
@@ -99,6 +101,7 @@ class Port:
         self._dialling: set[str] = set()  # peers with a connection attempt in progress
         self._inputs: dict[Input, None] = {}
         self._priorities = priority.PriorityGroup(lambda text: self.network.report(f"{self.name}: {text}"))
+        self._monitors: dict[str, Attached] = {}  # of all inputs ("in") and all outputs ("out")
         self._outputs: tuple[Output, ...] = ()
         self._groups: dict[str, Group] = {}
         self._closed = False
@@ -197,8 +200,26 @@ class Port:
             raise ConnectError("Outputs not allowed")
         with self._one_at_a_time(found.name):
             self.remove_output(found.name)
-            self._take_in(connect(self.network, self, found))
+            output = connect(self.network, self, found)
+            try:
+                self._add_monitor(output, found)
+            except BaseException:
+                output.close()
+                raise
+            self._take_in(output)
         return found
+
+    def _add_monitor(self, output: Output, target: Contact) -> None:
+        name = monitoring.of_connection(modifiers.read(modifiers.split(target.carrier)[1]), "send")
+        if name is not None:
+            output.monitor = monitoring.attach(
+                name,
+                self._monitor_report,
+                source=self.name,
+                destination=target.name,
+                carrier=target.carrier,
+                sends=True,
+            )
 
     @contextlib.contextmanager
     def _one_at_a_time(self, peer: str) -> Iterator[None]:
@@ -234,7 +255,9 @@ class Port:
         output.close(politely=False)
 
     def _take_in(self, output: Output) -> None:
+        output.source, output.others = self.name, self._output_monitors
         with self._lock:
+            output.port_monitor = self._monitors.get("out")
             welcome = not self._closed
             older = [one for one in self._outputs if one.peer == output.peer]  # made by another thread in the meantime
             if welcome:
@@ -367,6 +390,9 @@ class Port:
         """Add an input whose handshake is done and end an older one from the same port. Runs in the input's thread."""
         assert caller.link is not None
         caller.priority = priority.of_input(caller.sender, caller.link.modifiers)
+        caller.monitor = monitoring.at_input(
+            caller.link.modifiers, self._monitor_report, source=caller.sender, destination=self.name
+        )
         if caller.priority is not None:
             self._priorities.add(caller.priority)
         if not caller.sender.startswith("/"):
@@ -385,6 +411,8 @@ class Port:
             self._inputs.pop(caller, None)
         if caller.priority is not None:
             self._priorities.discard(caller.priority)
+        if caller.monitor is not None:
+            caller.monitor.end()
         if caller.announced:
             self.network.notice(f"Removing input from {caller.sender} to {self.name}")
 
@@ -403,7 +431,12 @@ class Port:
                 return _NO_REPLY if key == "d" and not link.carrier.text else ()
             asks, in_lines, own = key == "d", link.carrier.text, len(data) > link.reuses
             delivery = IncomingMessage(link.sender, text, data, caller.dialect, asks, in_lines, own)
-            self.deliver(delivery)
+            if caller.monitor is None and not self._monitors:
+                self.deliver(delivery)
+            elif (passed := self._deliver_monitored(caller, delivery)) is not None:
+                delivery = passed
+            else:
+                return _NO_REPLY if asks and not in_lines else ()
             caller.dialect = delivery.dialect
             size = len(data)
             self._received = caller, bytes(data if size <= MAX_SHOWN else data[:MAX_SHOWN]), size
@@ -417,6 +450,52 @@ class Port:
         allowed = not describe.changes(key, text) or self._may_administer(caller) or self._ends_own(caller, text)
         answer = describe.answer(self, key, text) if allowed else f"{describe.NOT_ALLOWED}\r\n"
         return (answer.encode("utf-8", "surrogateescape"),) if link.carrier.text else ()
+
+    def _deliver_monitored(self, caller: Input, delivery: IncomingMessage) -> IncomingMessage | None:
+        """Deliver what the monitors make of a message; None if they drop it."""
+        monitors = [one for one in (self._monitors.get("in"), caller.monitor) if one is not None]
+        passed = monitoring.incoming(delivery, monitors, self._input_monitors)
+        if passed is None:
+            return None
+        self.deliver(passed)
+        if passed.answer:
+            monitoring.reply(passed, self.name, monitors)
+        return passed
+
+    def _input_monitors(self) -> list[Attached]:
+        return [one.monitor for one in self.inputs if one.monitor is not None]
+
+    def _output_monitors(self) -> list[Attached]:
+        return [one.monitor for one in self._outputs if one.monitor is not None]
+
+    def _monitor_report(self, text: str) -> None:
+        self.network.report(f"{self.name}: {text}")
+
+    def attach_monitor(self, way: str, name: ScriptName | None) -> bool:
+        """Have a script look at all messages that come ``in`` or go ``out``; None ends that, and says if there was one.
+
+        Messages that ports of this process pass as objects (``local``) are not among them. Raises ConnectError.
+        """
+        ends = (self.name, "") if way == "out" else ("", self.name)
+        attached = None
+        if name is not None:
+            attached = monitoring.attach(
+                name, self._monitor_report, source=ends[0], destination=ends[1], carrier="", sends=way == "out"
+            )
+        with self._lock:
+            before = self._monitors.pop(way, None)
+            if attached is not None:
+                self._monitors[way] = attached
+            if way == "out":
+                for output in self._outputs:
+                    output.port_monitor = attached
+        if before is not None:
+            before.end()
+        return before is not None
+
+    def port_monitor(self, way: str) -> Attached | None:
+        """The script that looks at all messages in a direction."""
+        return self._monitors.get(way)
 
     def _may_administer(self, caller: Input) -> bool:
         """Return whether a caller may change connections: by its address, as callers for that have no names."""
@@ -498,6 +577,8 @@ class Port:
         deadline = clock.Deadline.after(_CLOSING)
         for caller in callers:
             caller.join(deadline.remaining())
+        for one in self._monitors.values():
+            one.end()
         with contextlib.suppress(MiddlewareError):  # a name server that is gone has forgotten the names
             for name in (*(group.contact.name for group in self._groups.values()), self.name):
                 self.network.names.unregister(name)

@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING
 
 from rtf.bottle import Bottle, Property, as_bool, as_float, as_list, as_string
 from rtf.middleware.errors import ConnectError, ProtocolError
+from rtf.middleware.ports import monitoring
 from rtf.middleware.wire import modifiers
 
 if TYPE_CHECKING:
@@ -37,10 +38,10 @@ _THRESHOLD = 1.0
 _TENTHS = 10.0
 _NUMBERS = {"tc": 1.0, "tr": 0.0, "st": 10.0, "bs": 10.0}
 _KNOWN = (*_NUMBERS, "ex", "virtual", "debug", "rate")
+#: Modifiers of the sending side.
+_OF_SENDERS = ("send", "log")
 #: A part of the name ``unix_stream+ack``, which YARP's programs send as a modifier.
 _OF_CARRIERS = ("ack",)
-#: Modifiers of the sending side, which this library has not.
-_OF_SENDERS = ("send", "log")
 
 
 @dataclass(slots=True, eq=False)
@@ -130,8 +131,10 @@ def of_input(sender: str, text: str) -> Priority | None:
     if "recv" not in found:
         return None
     wanted = as_string(found["recv"].get(0))
+    if wanted == monitoring.NAME:
+        return None
     if wanted != _NAME:
-        raise ProtocolError(f"there is no modifier recv.{wanted}; there is recv.{_NAME}")
+        raise ProtocolError(f"there is no modifier recv.{wanted}; there are recv.{_NAME} and recv.{monitoring.NAME}")
     unknown = [key for key in found if key not in ("recv", *_KNOWN, *_OF_CARRIERS)]
     if unknown and "send" not in found:  # whose settings these may be
         raise ProtocolError(f"recv.{_NAME} has no setting {unknown[0]!r}; its settings are {', '.join(_KNOWN)}")
@@ -162,11 +165,15 @@ def check_output(carrier: str) -> None:
     try:
         found = modifiers.read(modifiers.split(carrier)[1])
         for key in _OF_SENDERS:
-            if key in found:
-                raise ConnectError(f"there is no modifier {key}.{found[key].to_text()}: only receivers modify messages")
-        if found and "recv" not in found:
-            raise ConnectError(f"there is no modifier {next(iter(found))!r}; there is recv.{_NAME}")
-        if found and as_string(found["recv"].get(0)) == _NAME:
+            if key in found and (key, found[key]) != ("send", Bottle([monitoring.NAME])):
+                raise ConnectError(
+                    f"there is no modifier {key}.{found[key].to_text()}; there is send.{monitoring.NAME}"
+                )
+        if found and "recv" not in found and "send" not in found:
+            known = f"recv.{_NAME}, recv.{monitoring.NAME} and send.{monitoring.NAME}"
+            raise ConnectError(f"there is no modifier {next(iter(found))!r}; there are {known}")
+        monitoring.of_connection(found, "send")
+        if "recv" in found and as_string(found["recv"].get(0)) == _NAME:
             of_input("", modifiers.split(carrier)[1])
     except ProtocolError as error:
         raise ConnectError(str(error)) from None

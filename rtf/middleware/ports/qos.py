@@ -20,6 +20,7 @@ from rtf.middleware.errors import MiddlewareError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from rtf.middleware.monitors.attached import Attached
     from rtf.middleware.ports.priority import Priority
 
 #: DSCP classes by name (RFC 2474, 2597, 3246, 5865).
@@ -197,6 +198,8 @@ class Connection(ABC):
     instead = "it is sent in the thread of the writer"
     #: The priority of its messages among those of the other inputs of the port, if it has one.
     priority: Priority | None = None
+    #: The script that looks at its messages, if there is one.
+    monitor: Attached | None = None
 
     @property
     @abstractmethod

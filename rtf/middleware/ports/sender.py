@@ -68,8 +68,10 @@ class Sender:
                     return
             try:
                 with self.output.lock:
-                    self.output.link.send(self.output.encoded(message))
-                    self.output.link.finish()
+                    sent = self.output.monitored(message)
+                    if sent is not None:
+                        self.output.link.send(sent)
+                        self.output.link.finish()
             except MiddlewareError as error:
                 self.close()
                 self._failed(self.output, error)

@@ -78,6 +78,22 @@ class IncomingMessage:
         """Return a copy that any thread may read at any time. It cannot be replied to."""
         return IncomingMessage(self.sender, self.envelope, bytes(self._data), self.dialect, False, self._text)
 
+    def replaced(self, value: object) -> IncomingMessage:
+        """Return this message with other contents, which have a codec."""
+        codec = codec_of(value)
+        if self._text:
+            data = codec.to_text(value).encode("utf-8", "surrogateescape")
+        else:
+            data = b"".join(codec.encode(value, self.dialect))
+        return IncomingMessage(self.sender, self.envelope, data, self.dialect, self.wants_reply, self._text, own=True)
+
+    def as_reply(self, sender: str) -> IncomingMessage:
+        """Return the reply that was set as a message."""
+        data = b"".join(self.answer)
+        return IncomingMessage(
+            sender, "", data.rstrip(b"\r\n") if self._text else data, self.dialect, False, self._text
+        )
+
     def reply(self, value: object, codec: Codec[object] | None = None) -> None:
         """Set the reply. Ignored without ``wants_reply``; the last call counts."""
         if not self.wants_reply:

@@ -1,0 +1,29 @@
+"""Makes pictures smaller: ``+by.4`` leaves every fourth pixel of every fourth row."""
+
+from __future__ import annotations
+
+from rtf.bottle import Bottle, Property, as_int
+from rtf.middleware.monitors import MonitoredMessage, PortMonitor
+from rtf.middleware.types import IMAGE, Image
+
+
+class Monitor(PortMonitor):
+    """The setting ``by`` is a whole number."""
+
+    by = 2
+
+    def create(self, info: Property) -> bool:
+        self.setparam(info.to_bottle())
+        return True
+
+    def setparam(self, settings: Bottle) -> None:
+        self.by = as_int(settings.find("by")) if settings.check("by") else self.by
+        if self.by < 1:
+            raise ValueError(f"a picture cannot be shrunk by {self.by}")
+
+    def getparam(self) -> Property:
+        return Property({"by": self.by})
+
+    def update(self, message: MonitoredMessage) -> object:
+        image = message.read(IMAGE)
+        return Image(image.pixels[:: self.by, :: self.by].copy(), image.format)
