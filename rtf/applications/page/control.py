@@ -49,6 +49,8 @@ if TYPE_CHECKING:
 
 #: What happened last is kept, in so many sentences.
 _KEPT = 500
+#: Seconds that a run waits for the end of requests that have stopped everything.
+_ENDING = 5.0
 #: Seconds between two looks at connections, at least; between two looks for another process that runs the application;
 #: and after which nobody is looking any more.
 _LOOK_AT_LINKS, _LOOK_FOR_OTHERS, _ATTENTION = 1.0, 1.0, 10.0
@@ -112,6 +114,7 @@ class ControlledApplication:
         self.variables = variables
         self._factory = factory
         self._lock = threading.RLock()  # of what is run
+        self._idle = threading.Condition(self._lock)
         self._telling = threading.Lock()  # of what happened
         self._manager: Manager | None = None
         self._session: Session | None = None
@@ -257,6 +260,7 @@ class ControlledApplication:
             finally:
                 with self._lock:
                     self._working -= 1
+                    self._idle.notify_all()
 
         with self._lock:
             self._working += 1
@@ -269,6 +273,7 @@ class ControlledApplication:
         if self._runner:
             raise ApplicationError(f"process {self._runner} runs the application; stop it first")
         if self._saved and not any(unit.active for unit in self._units()):
+            self._idle.wait_for(lambda: not self._working, _ENDING)  # a stop that has stopped all, and is about to end
             self._release()
         if self._saved:
             raise ApplicationError("the application still runs as it was before it was saved; stop it first")
