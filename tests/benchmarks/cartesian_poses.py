@@ -64,7 +64,8 @@ class CartesianPoses(CartesianTest):
         left = pose_error(target, found.seen[-1])
         solved = np.linalg.norm(target[:3, 3] - pose_of(found.solution.pose)[:3, 3])
         margins = found.motion.margins(found.low, found.high)
-        ends = np.minimum(found.solution.joints - found.low, found.high - found.solution.joints)
+        ends = np.array([found.motion.joints[0], found.solution.joints])
+        away = np.minimum(ends - found.low, found.high - ends).min(axis=0)
         return [
             found.done,
             1e3 * float(np.linalg.norm(left[:3])),
@@ -72,5 +73,5 @@ class CartesianPoses(CartesianTest):
             1e3 * float(solved),
             found.motion.peak_ratio,
             float(found.motion.speeds.max()),
-            float(margins[ends > 1.0].min()),
+            float(margins[away > 1.0].min()),
         ]

@@ -2,7 +2,7 @@
 
 The simulated iCub, started from its configuration, has a Cartesian controller for each arm. It is led to random poses
 within reach, by torso and arm together. Errors are those at rest by the encoders and the tables of the robot, from the
-target; the margin is the least distance of a joint from a limit on the way, of joints that do not end at one.
+target; the margin is the least distance of a joint from a limit on the way, of joints that neither begin nor end there.
 """
 
 from __future__ import annotations
