@@ -244,6 +244,13 @@ RTF = Command(
         Command(
             "red-ball", "COMMAND", "see a red ball, look at it and reach for it", commands=_RED_BALL, group="robot"
         ),
+        Command(
+            "ros2",
+            "--parts A,B",
+            "publish a robot on topics of ROS 2: joint states, pictures, forces",
+            "rtf.cli.ros2:ros2",
+            group="robot",
+        ),
         Command("version", "", "the version of the framework", "rtf.cli.commands:version", group="other"),
     ),
 )

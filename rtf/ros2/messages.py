@@ -1,0 +1,175 @@
+"""Messages of ROS 2 as DDS has them: the same fields in the same order, under the names of ROS's own types.
+
+:func:`ros_type` is the name that people write, such as ``sensor_msgs/msg/JointState``.
+"""
+
+# Types of fields are read at run time, so annotations are not postponed.
+
+import math
+import struct
+import sys
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from cyclonedds.idl import IdlStruct
+from cyclonedds.idl._support import Buffer, Endianness
+
+if TYPE_CHECKING:  # what the types of DDS are in Python
+    float64 = float
+    int32 = int
+    uint8 = int
+    uint32 = int
+    sequence = list
+    Bytes = list[int] | bytes
+    Guid = list[int]
+    ShortName = str
+else:
+    from cyclonedds.idl.types import array, bounded_str, float64, int32, sequence, uint8, uint32
+
+    Bytes = sequence[uint8]
+    Guid = array[uint8, 16]
+    ShortName = bounded_str[256]
+
+_NS = 1_000_000_000
+_COUNT = struct.Struct("<I")
+
+
+def _dds(name: str) -> str:
+    package, _, short = name.partition("/")
+    return f"{package}.msg.dds_.{short.removeprefix('msg/')}_"
+
+
+def ros_type(kind: type[IdlStruct]) -> str:
+    """Return the name of a type in ROS."""
+    package, _, name = kind.__idl_typename__.partition(".msg.dds_.")
+    return f"{package}/msg/{name.removesuffix('_')}"
+
+
+@dataclass
+class Time(IdlStruct, typename=_dds("builtin_interfaces/Time")):
+    """A time since 1970, or since a simulation began."""
+
+    sec: int32 = 0
+    nanosec: uint32 = 0
+
+    @classmethod
+    def of(cls, seconds: float) -> "Time":
+        """Return a time of seconds; one that does not fit into 32 bits is the nearest that does."""
+        bounded = min(max(seconds, -(2.0**31)), 2.0**31 - 1)
+        whole = math.floor(bounded)
+        return cls(whole, min(int((bounded - whole) * _NS), _NS - 1))
+
+    @property
+    def seconds(self) -> float:
+        """The time in s."""
+        return self.sec + self.nanosec / _NS
+
+
+@dataclass
+class Header(IdlStruct, typename=_dds("std_msgs/Header")):
+    """When and in which frame."""
+
+    stamp: Time = field(default_factory=Time)
+    frame_id: str = ""
+
+
+@dataclass
+class JointState(IdlStruct, typename=_dds("sensor_msgs/JointState")):
+    """Positions (rad, m), velocities and efforts (Nm, N) of joints; a list is empty where nothing is known."""
+
+    header: Header = field(default_factory=Header)
+    name: sequence[str] = field(default_factory=list)
+    position: sequence[float64] = field(default_factory=list)
+    velocity: sequence[float64] = field(default_factory=list)
+    effort: sequence[float64] = field(default_factory=list)
+
+
+@dataclass
+class Image(IdlStruct, typename=_dds("sensor_msgs/Image")):
+    """A picture; ``step`` is the length of a row in bytes."""
+
+    header: Header = field(default_factory=Header)
+    height: uint32 = 0
+    width: uint32 = 0
+    encoding: str = "rgb8"
+    is_bigendian: uint8 = 0
+    step: uint32 = 0
+    data: Bytes = field(default_factory=list)
+
+    def serialize(
+        self, buffer: Buffer | None = None, endianness: Endianness | None = None, use_version_2: bool | None = None
+    ) -> bytes:
+        """Encode it. Pixels that are bytes are appended as they are: one by one they take a hundred times longer."""
+        pixels = self.data
+        if not isinstance(pixels, bytes) or endianness is not None or sys.byteorder != "little":
+            return super().serialize(buffer, endianness, use_version_2)
+        bare = replace(self, data=[])
+        head = super(Image, bare).serialize(buffer, None, use_version_2)  # which ends with the number of pixels, 0
+        return head[: -_COUNT.size] + _COUNT.pack(len(pixels)) + pixels
+
+
+@dataclass
+class Clock(IdlStruct, typename=_dds("rosgraph_msgs/Clock")):
+    """The time of a simulation."""
+
+    clock: Time = field(default_factory=Time)
+
+
+@dataclass
+class Vector3(IdlStruct, typename=_dds("geometry_msgs/Vector3")):
+    """A vector."""
+
+    x: float64 = 0.0
+    y: float64 = 0.0
+    z: float64 = 0.0
+
+
+@dataclass
+class Wrench(IdlStruct, typename=_dds("geometry_msgs/Wrench")):
+    """A force (N) and a torque (Nm)."""
+
+    force: Vector3 = field(default_factory=Vector3)
+    torque: Vector3 = field(default_factory=Vector3)
+
+
+@dataclass
+class WrenchStamped(IdlStruct, typename=_dds("geometry_msgs/WrenchStamped")):
+    """A wrench with its time."""
+
+    header: Header = field(default_factory=Header)
+    wrench: Wrench = field(default_factory=Wrench)
+
+
+@dataclass
+class String(IdlStruct, typename=_dds("std_msgs/String")):
+    """A text."""
+
+    data: str = ""
+
+
+# The graph of nodes --------------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Gid(IdlStruct, typename=_dds("rmw_dds_common/Gid")):
+    """The identifier of an entity: its GUID in DDS."""
+
+    data: Guid = field(default_factory=lambda: [0] * 16)
+
+
+@dataclass
+class NodeEntities(IdlStruct, typename=_dds("rmw_dds_common/NodeEntitiesInfo")):
+    """A node and what it has."""
+
+    node_namespace: ShortName = "/"
+    node_name: ShortName = ""
+    reader_gid_seq: sequence[Gid] = field(default_factory=list)
+    writer_gid_seq: sequence[Gid] = field(default_factory=list)
+
+
+@dataclass
+class ParticipantEntities(IdlStruct, typename=_dds("rmw_dds_common/ParticipantEntitiesInfo")):
+    """The nodes of a participant, which every ROS 2 program publishes on ``ros_discovery_info``."""
+
+    gid: Gid = field(default_factory=Gid)
+    node_entities_info_seq: sequence[NodeEntities] = field(default_factory=list)
