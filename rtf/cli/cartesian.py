@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import os
-import sys
 import threading
 from contextlib import ExitStack, closing
 from typing import TYPE_CHECKING, NamedTuple
 
-from rtf.bottle import Bottle, Property, as_list, as_string
+from rtf.bottle import Bottle, Property, as_list, as_string, to_string
 from rtf.cli.parser import Parser, add_dialect
 from rtf.errors import RtfError
 from rtf.resources import ResourceFinder
 from rtf.robot.model.names import DEFAULT_ROBOT
 from rtf.robot_testing.robot_name import ROBOT_VARIABLE
-from rtf.testing.verdict import ExitCode
+from rtf.testing.plugins import shipped_folder
 
 if TYPE_CHECKING:
     import argparse
-    import signal
     from collections.abc import Callable, Sequence
 
     from rtf.middleware.ports.network import Network
@@ -50,7 +48,8 @@ It has the ports of the iCub's iKinCartesianSolver, so the iCub's controller wor
 Where the joints are, it reads from the boards /ROBOT/PART; it moves nothing.
 
 The command line of the original is taken, too: --part LIMB, and with --context or --from the group LIMB of a file
-(default: cartesianSolver.ini), of which name, robot, type, dof, rest_pos, rest_weights, pose and mode are used.
+(default: cartesianSolver.ini), of which name, robot, type, dof, rest_pos, rest_weights, pose, mode, drawn and together
+are used.
 
 examples:
   rtf cartesian solver --context cartesianSolver --part left_arm
@@ -102,8 +101,9 @@ def control(words: Sequence[str]) -> int:
         }
         general = Bottle(["GENERAL", *(Bottle([key, value]) for key, value in names.items()), *_lists(options)])
         device = make_device("cartesiancontrollerserver", Property.from_bottle(Bottle([general])), network=network)
-        opened.callback(device.close)
-        device.attach(_boards(options.robot, limb.parts, network, opened))
+        boards = _boards(options.robot, limb.parts, network, opened)
+        opened.callback(device.close)  # before the boards: it ends a motion
+        device.attach(boards)
 
     return _run(name, start)
 
@@ -187,7 +187,7 @@ def _settings(words: Sequence[str], options: argparse.Namespace) -> Property:
     """Return the group of the limb in a file, if one is named, and take its name, robot and type as options."""
     if not (options.context or options.file):
         return Property()
-    finder = ResourceFinder()
+    finder = ResourceFinder(roots=[shipped_folder("suites") / "robots"])
     finder.configure(words, default_file="cartesianSolver.ini")
     group = finder.properties.find_group(options.limb)
     if group is None:
@@ -195,6 +195,8 @@ def _settings(words: Sequence[str], options: argparse.Namespace) -> Property:
     settings = Property.from_bottle(group)
     options.name = options.name or as_string(settings.get("name", ""))
     options.robot = as_string(settings.get("robot", options.robot))
+    options.drawn = options.drawn or to_string(settings.get("drawn", ""))
+    options.together = options.together or to_string(settings.get("together", ""))
     if settings.check("type"):
         _, _, version = as_string(settings.find("type")).partition("_v")
         options.version = version if "." in version else f"{version or 1}.0"
@@ -232,7 +234,7 @@ def _boards(robot: str, parts: Sequence[str], network: Network, opened: ExitStac
     from rtf.robot.boards.client import connect
 
     return {
-        part: opened.enter_context(connect(f"/{robot.strip('/')}/{part}", carrier="tcp", network=network))
+        part: opened.enter_context(connect(f"/{robot.strip('/')}/{part}", carrier="tcp", network=network, strict=True))
         for part in parts
     }
 
@@ -248,30 +250,16 @@ def _chain_board(limb: _Limb, boards: dict[str, Device], network: Network) -> De
 
 
 def _run(name: str, start: Callable[[Network, ExitStack], None], end: threading.Event | None = None) -> int:
-    """Start a program, and run it until a signal, or ``end``; returns the exit code. For the main thread."""
+    """Run a program in the time of the robot; see run_program."""
     from rtf import clock
     from rtf.cli.network.options import make_network
     from rtf.middleware.clocks.network_clock import clock_from_environment
-    from rtf.robot.interface.signals import signal_listener
+    from rtf.robot.interface.network_program import run_program, say
 
-    over = end or threading.Event()
+    def begin(opened: ExitStack) -> None:
+        network = make_network()
+        network.report = say
+        opened.enter_context(clock.use(clock_from_environment(network)))
+        start(network, opened)
 
-    def say(sentence: str) -> None:
-        print(sentence, file=sys.stderr, flush=True)
-
-    def on_signal(number: signal.Signals) -> None:
-        say(f"{number.name}: ends")
-        over.set()
-
-    with signal_listener(on_signal), ExitStack() as opened:
-        try:
-            network = make_network()
-            network.report = say
-            opened.enter_context(clock.use(clock_from_environment(network)))
-            start(network, opened)
-        except (RtfError, OSError) as error:
-            say(f"FAILED: {name} could not be started: {error}")
-            return ExitCode.FAILURES
-        say(f"READY {name}")
-        over.wait()
-    return ExitCode.PASSED
+    return run_program(name, begin, end)

@@ -241,6 +241,7 @@ RTF = Command(
             commands=_CARTESIAN,
             group="robot",
         ),
+        Command("gaze", "", "turn neck and eyes of a robot to a point", "rtf.cli.gaze:gaze", group="robot"),
         Command(
             "red-ball", "COMMAND", "see a red ball, look at it and reach for it", commands=_RED_BALL, group="robot"
         ),

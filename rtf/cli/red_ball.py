@@ -57,7 +57,8 @@ def track(words: Sequence[str]) -> int:
     parser.add_argument("--one-eye", action="store_true", help="the left eye alone: the distance is that by the size")
     options = parser.parse_args(words)
     from rtf.cli.network.options import make_network
-    from rtf.red_ball.program import TrackerSettings, run_program, say, start_tracker, use_clock
+    from rtf.red_ball.program import TrackerSettings, start_tracker
+    from rtf.robot.interface.network_program import run_program, say, use_clock
     from rtf.robot.model import load_robot
 
     use_clock(options.clock)
@@ -96,7 +97,8 @@ def demo(words: Sequence[str]) -> int:
     options = parser.parse_args(words)
     from rtf.cli.network.options import make_network
     from rtf.red_ball.demo import DemoSettings
-    from rtf.red_ball.program import run_program, say, start_demo, use_clock
+    from rtf.red_ball.program import start_demo
+    from rtf.robot.interface.network_program import run_program, say, use_clock
     from rtf.robot.model import load_robot
 
     use_clock(options.clock)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from rtf.bottle import as_string
 from rtf.cli.parser import Parser, add_dialect, seconds
 from rtf.errors import RtfError
-from rtf.resources import ResourceFinder, ResourceNotFoundError, parse_arguments
+from rtf.resources import ResourceFinder, parse_arguments
 from rtf.robot.interface.log import Level
 from rtf.robot.interface.program import FINE, WRONG, ConsoleLog
 from rtf.robot.interface.robot_reader import ReadResult, read_robot
@@ -129,12 +129,7 @@ def _file(words: Sequence[str]) -> Path:
         _parser().error("there is no --config, and no yarprobotinterface.ini that has one")
     # A finder of its own: the folder of the robot is searched even if the file that names the configuration is in it.
     name = as_string(finder.properties.find("config"))
-    try:
-        path = ResourceFinder(contexts=finder.contexts).find(name)
-    except ResourceNotFoundError:
-        path = shipped_folder("suites") / "robots" / name
-        if not path.is_file():
-            raise
+    path = ResourceFinder(contexts=finder.contexts, roots=[shipped_folder("suites") / "robots"]).find(name)
     here = Path.cwd()
     return path.relative_to(here) if path.is_relative_to(here) else path
 

@@ -1,17 +1,14 @@
-"""The programs of the demonstration: how they find the robot, and how they begin and end."""
+"""The programs of the demonstration: how they find the robot, and what they open."""
 
 from __future__ import annotations
 
 import os
-import sys
-import threading
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.bottle import Property
-from rtf.errors import RtfError
 from rtf.middleware.clocks.network_clock import CLOCK_VARIABLE, clock_from_environment
 from rtf.middleware.ports import remote
 from rtf.middleware.wire.contact import Contact
@@ -20,78 +17,25 @@ from rtf.red_ball.eyes import cameras_of
 from rtf.red_ball.history import Positions
 from rtf.red_ball.tracker import Tracker
 from rtf.robot.boards.client import connect
-from rtf.robot.errors import DeviceError
-from rtf.robot.interface.signals import signal_listener
+from rtf.robot.interface.network_program import PATIENCE, await_ports
 from rtf.robot.sensors.camera import FrameGrabberClient
 from rtf.simulator.scene import BALL_RADIUS
 
 if TYPE_CHECKING:
-    import signal
-    from collections.abc import Callable, Sequence
+    import threading
+    from collections.abc import Callable
 
     from rtf.middleware.ports.network import Network
     from rtf.red_ball.demo import DemoSettings
     from rtf.robot.model import RobotModel
 
-FINE, FAILED = 0, 1
 #: The carrier of pictures and states: it waits until a message has been received.
 CARRIER = "tcp"
-#: How long programs wait for the robot, by default, and between two looks (s).
-PATIENCE, _LOOK = 20.0, 0.1
-
-
-def say(sentence: str) -> None:
-    """Print a sentence."""
-    print(sentence, file=sys.stderr, flush=True)  # noqa: T201 - a program prints
-
-
-def use_clock(name: str) -> None:
-    """Have this process live by a clock, as if it were named in the environment: ``/clock``, or ``lockstep:/clock``."""
-    if name:
-        os.environ[CLOCK_VARIABLE] = name
 
 
 def in_lockstep() -> bool:
     """Return whether this process lives in the time of a simulator that waits for it."""
     return os.environ.get(CLOCK_VARIABLE, "").startswith("lockstep:")
-
-
-def await_ports(names: Sequence[str], network: Network, patience: float) -> None:
-    """Wait for ports, as the robot may still be starting. Raises DeviceError with those that are missing."""
-    deadline = clock.Deadline.after(patience)
-    missing = list(names)
-    while missing := [name for name in missing if not remote.exists(network, Contact(name))]:
-        if deadline.expired:
-            raise DeviceError(f"there is no {', '.join(missing)} after {patience:g} s; is it running?")
-        clock.sleep(_LOOK)
-
-
-def run_program(name: str, start: Callable[[ExitStack], Callable[[threading.Event], object] | None]) -> int:
-    """Start a program, and run it until a signal ends it; return the exit code. For the main thread.
-
-    ``start`` opens all that is closed at the end, and may return what is run until the event is set.
-    """
-    end = threading.Event()
-
-    def on_signal(number: signal.Signals) -> None:
-        say(f"{number.name}: ends")
-        end.set()
-        clock.current().close()  # in lockstep its time may never pass
-
-    with signal_listener(on_signal), ExitStack() as opened:
-        try:
-            run = start(opened)
-        except (RtfError, OSError) as error:
-            say(f"FAILED: {name} could not be started: {error}")
-            return FAILED
-        say(f"READY {name}")
-        try:
-            (run or threading.Event.wait)(end)
-        except (RtfError, OSError) as error:
-            if not end.is_set():
-                say(f"FAILED: {name}: {error}")
-                return FAILED
-    return FINE
 
 
 @dataclass(frozen=True, slots=True)

@@ -59,12 +59,17 @@ def connect(
     carrier: str = "fast_tcp",
     network: Network | None = None,
     timeout: float = TIMEOUT,
+    strict: bool = False,
 ) -> RemoteBoard:
     """Open a client of a board such as ``/icub/left_arm``. A ``with`` statement closes it.
 
-    ``local`` is the prefix of its port names, by default a unique one. Raises DeviceError.
+    ``local`` is the prefix of its port names, by default a unique one. ``strict``: every streamed command is sent, for
+    those who stream several kinds; else a command of several joints is left out while another one is on its way. Raises
+    DeviceError.
     """
     board = make_client(remote, network or default_network())
     parameters = {"remote": remote, "local": local or unique_local(remote), "carrier": carrier, "timeout": timeout}
+    if strict:
+        parameters["writeStrict"] = "on"
     board.open(Property(parameters))
     return board
