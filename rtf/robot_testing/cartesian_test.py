@@ -17,14 +17,11 @@ from rtf.robot.interfaces import ICartesianControl
 from rtf.robot.kinematics import robot_chains
 from rtf.robot.model.errors import RobotModelError
 from rtf.robot_testing.guard.safety import Safety
-from rtf.robot_testing.guard.transmission import Transmission
-from rtf.robot_testing.judging.blame import Evidence
 from rtf.robot_testing.judging.failure_causes import likely_causes
 from rtf.robot_testing.judging.reaches import Reach, ReachBounds, judge_reach, record_reach
 from rtf.robot_testing.judging.tip_motion import TipMotion
-from rtf.robot_testing.motion.limb import Limb, LimbGuardError, encoder_disagreement
+from rtf.robot_testing.motion.limb import Limb, LimbGuardError
 from rtf.robot_testing.motion.part import PACE
-from rtf.robot_testing.motion.start_position import late_evidence
 from rtf.robot_testing.robot_name import robot_model
 from rtf.robot_testing.task_test import TaskTest
 from rtf.testing import Parameter
@@ -183,28 +180,19 @@ class CartesianTest(TaskTest[ICartesianControl]):
     # Judging ---------------------------------------------------------------------------------------------------------
 
     def _judge_encoders(self, found: Reach, traces: list[tuple[Part, Trace]]) -> None:
-        """Fail joints that are not where the solution has them, or whose encoders do not agree with their motors'.
-
-        The test ends with the first part that has one, or if the reach was not done in time.
-        """
-        late = self._late(found)
-        if math.isinf(found.done):
+        """Judge the encoders after a reach; joints that another program has taken are its error, and not theirs."""
+        done = math.isfinite(found.done)
+        if not done:
             taken = self._taken_joints()
             self.stop_controller()
             self.assert_error_if_true(
                 taken, f"another program, or a calibration, has taken {', '.join(taken)} from {self.remote}"
             )
-        for part, trace in traces:
-            wrong = {place: text for (owner, place), text in late.items() if owner == part.name}
-            evidence = encoder_disagreement(part, trace, Transmission.read(part.board))
-            for joint in sorted({joint for one in evidence for joint in one.joints} | set(wrong)):
-                text = wrong.get(joint, f"{part.names[joint]} has arrived by its encoder")
-                complaint = Evidence.uncertain(joint, text, "does not move")
-                self.judge_evidence(part, joint, complaint, [*evidence, *(late_evidence(part, wrong) if wrong else [])])
-        self.assert_fail_if_true(
-            math.isinf(found.done),
-            f"{self.remote} has not reached its target in {self.timeout:g} s"
-            + (f": {'; '.join(late.values())}" if late else "; all joints are where its solution has them"),
+        self.judge_encoders(
+            self._late(found),
+            traces,
+            "" if done else f"{self.remote} has not reached its target in {self.timeout:g} s",
+            "all joints are where its solution has them",
         )
 
     def _taken_joints(self) -> list[str]:

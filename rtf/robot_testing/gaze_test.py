@@ -15,12 +15,9 @@ from rtf.robot.errors import RefusedError, StaleStateError
 from rtf.robot.interfaces import FixationPoint, IGazeControl
 from rtf.robot.kinematics import Eyes, robot_chains
 from rtf.robot.model.errors import RobotModelError
-from rtf.robot_testing.guard.transmission import Transmission
-from rtf.robot_testing.judging.blame import Evidence
 from rtf.robot_testing.judging.failure_causes import likely_causes
-from rtf.robot_testing.motion.limb import JointGroup, LimbGuardError, encoder_disagreement
+from rtf.robot_testing.motion.limb import JointGroup, LimbGuardError
 from rtf.robot_testing.motion.part import PACE
-from rtf.robot_testing.motion.start_position import late_evidence
 from rtf.robot_testing.robot_name import robot_model
 from rtf.robot_testing.task_test import TaskTest
 from rtf.testing import Parameter
@@ -168,24 +165,15 @@ class GazeTest(TaskTest[IGazeControl]):
         return _angle(told - head, self.eyes.fixation_point(seen) - head)
 
     def _judge_encoders(self, found: Look, traces: list[tuple[Part, Trace]]) -> None:
-        """Fail joints that are not where the controller wants them, or whose encoders do not agree with their motors'.
-
-        The test ends with the first part that has one, or if the motion was not done in time.
-        """
-        late = self._late(found)
-        if math.isinf(found.done):
+        """Judge the encoders after a motion."""
+        done = math.isfinite(found.done)
+        if not done:
             self.stop_controller()
-        for part, trace in traces:
-            wrong = {place: text for (owner, place), text in late.items() if owner == part.name}
-            evidence = encoder_disagreement(part, trace, Transmission.read(part.board))
-            for joint in sorted({joint for one in evidence for joint in one.joints} | set(wrong)):
-                text = wrong.get(joint, f"{part.names[joint]} has arrived by its encoder")
-                complaint = Evidence.uncertain(joint, text, "does not move")
-                self.judge_evidence(part, joint, complaint, [*evidence, *(late_evidence(part, wrong) if wrong else [])])
-        self.assert_fail_if_true(
-            math.isinf(found.done),
-            f"{self.remote} does not look at its point within {self.timeout:g} s"
-            + (f": {'; '.join(late.values())}" if late else "; all joints are where it wants them"),
+        self.judge_encoders(
+            self._late(found),
+            traces,
+            "" if done else f"{self.remote} does not look at its point within {self.timeout:g} s",
+            "all joints are where it wants them",
         )
 
     def _late(self, found: Look) -> dict[tuple[str, int], str]:

@@ -11,13 +11,18 @@ from rtf.robot.device import make_device
 from rtf.robot.errors import NoAnswerError, RefusedError, RobotError, StaleStateError
 from rtf.robot.interfaces import ITaskControl
 from rtf.robot_testing.guard.safety import Safety
+from rtf.robot_testing.guard.transmission import Transmission
+from rtf.robot_testing.judging.blame import Evidence
 from rtf.robot_testing.judging.failure_causes import likely_causes
+from rtf.robot_testing.motion.limb import encoder_disagreement
+from rtf.robot_testing.motion.start_position import late_evidence
 from rtf.robot_testing.robot_test import RobotTest
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from rtf.robot.device import Device
+    from rtf.robot_testing import Part, Trace
     from rtf.robot_testing.motion.limb import JointGroup
 
 C = TypeVar("C", bound=ITaskControl)
@@ -80,6 +85,26 @@ class TaskTest(RobotTest, Generic[C]):
         except RobotError as error:
             self._answers = False
             self.warn(f"{self.remote} could not be stopped: {error}")
+
+    def judge_encoders(
+        self, late: dict[tuple[str, int], str], traces: list[tuple[Part, Trace]], unfinished: str, arrived: str
+    ) -> None:
+        """Fail joints that are not where the controller wants them, or whose encoders do not agree with their motors'.
+
+        ``late`` has a sentence for each such joint, by part and number. The test ends with the first part that has one,
+        or with ``unfinished``, unless it is empty: it says that a motion was not done, and ``arrived`` that no joint is
+        late.
+        """
+        for part, trace in traces:
+            wrong = {place: text for (owner, place), text in late.items() if owner == part.name}
+            evidence = encoder_disagreement(part, trace, Transmission.read(part.board))
+            for joint in sorted({joint for one in evidence for joint in one.joints} | set(wrong)):
+                text = wrong.get(joint, f"{part.names[joint]} has arrived by its encoder")
+                complaint = Evidence.uncertain(joint, text, "does not move")
+                self.judge_evidence(part, joint, complaint, [*evidence, *(late_evidence(part, wrong) if wrong else [])])
+        self.assert_fail_if_true(
+            unfinished, f"{unfinished}{': ' + '; '.join(late.values()) if late else f'; {arrived}'}"
+        )
 
     @contextmanager
     def asking(self) -> Iterator[None]:

@@ -1,12 +1,9 @@
 """RgbdTest on simulated benches with a depth camera, and on a robot without one."""
 
-from importlib.util import find_spec
-
 import pytest
 
+from pictures import needs_pictures
 from rtf.robot.model import find_robot
-from rtf.simulator.errors import RenderingError
-from rtf.simulator.rendering import rendering_back_end
 from rtf.testing.verdict import MeasurementVerdict, Verdict
 
 CASES = {
@@ -36,27 +33,13 @@ SUITE = "".join(
 )
 
 
-def obstacle() -> str:
-    """Return why no image can be rendered here; empty if it can."""
-    if not find_spec("mujoco"):
-        return "needs pip install 'rtf[sim]'"
-    try:
-        rendering_back_end()
-    except RenderingError as error:
-        return str(error)
-    return ""
-
-
-needs_images = pytest.mark.skipif(bool(obstacle()), reason=obstacle() or "images can be made")
-
-
 @pytest.fixture(scope="module")
 def outcome(run_on_robot):
     """One run of all of them on the bench."""
     return run_on_robot(SUITE, model=find_robot("bench"), cameras="yes")
 
 
-@needs_images
+@needs_pictures
 class TestOnTheBench:
     """One run."""
 

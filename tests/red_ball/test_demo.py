@@ -7,12 +7,12 @@ import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pictures import needs_pictures
 from rtf.bottle import Bottle, Property, as_float
 from rtf.cli.demo_network import await_port, demo_network
 from rtf.middleware.clocks.network_clock import CLOCK_VARIABLE, LockstepClock
@@ -24,24 +24,11 @@ from rtf.robot.device import make_device
 from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import ICartesianControl
 from rtf.robot.network.latest_message import LatestMessage
-from rtf.simulator.errors import RenderingError
-from rtf.simulator.rendering import rendering_back_end
 
 CONFIG = Path(__file__).parents[2] / "suites" / "robots" / "icubSim" / "redBall.xml"
 
 
-def obstacle() -> str:
-    """Return why no picture can be rendered here; empty if it can."""
-    if not (find_spec("mujoco") and find_spec("icub_models")):
-        return "needs pip install 'rtf[sim]'"
-    try:
-        rendering_back_end()
-    except RenderingError as error:
-        return str(error)
-    return ""
-
-
-pytestmark = pytest.mark.skipif(bool(obstacle()), reason=obstacle() or "pictures can be made")
+pytestmark = needs_pictures
 
 
 class Bench:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from importlib.util import find_spec
 
 import numpy as np
 import pytest
 
 from icub import ICUB, build_icub
+from pictures import needs_pictures
 from rtf.red_ball.detection import find_ball
 from rtf.red_ball.eyes import cameras_of, in_root, pinhole
 from rtf.robot.errors import RefusedError
@@ -17,24 +17,10 @@ from rtf.robot.model import load_robot
 from rtf.robot.model.engine import mujoco
 from rtf.simulator import ball as simulated
 from rtf.simulator.cameras import Camera
-from rtf.simulator.errors import RenderingError
 from rtf.simulator.plant import Options
-from rtf.simulator.rendering import rendering_back_end
 from rtf.simulator.simulation import Simulation
 
-
-def obstacle() -> str:
-    """Return why no picture can be rendered here; empty if it can."""
-    if not (find_spec("mujoco") and find_spec("icub_models")):
-        return "needs pip install 'rtf[sim]'"
-    try:
-        rendering_back_end()
-    except RenderingError as error:
-        return str(error)
-    return ""
-
-
-pytestmark = pytest.mark.skipif(bool(obstacle()), reason=obstacle() or "pictures can be made")
+pytestmark = needs_pictures
 
 RADIUS = 0.035
 

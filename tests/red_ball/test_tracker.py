@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack
-from importlib.util import find_spec
 
 import numpy as np
 import pytest
 
 from icub import ICUB
+from pictures import needs_pictures
 from rtf.middleware.clocks.network_clock import CLOCK_VARIABLE, LockstepClock
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports import remote
@@ -19,24 +19,10 @@ from rtf.middleware.wire.contact import Contact
 from rtf.red_ball.eyes import cameras_of, in_root
 from rtf.red_ball.program import TrackerSettings, start_tracker
 from rtf.robot.network.latest_message import LatestMessage
-from rtf.simulator.errors import RenderingError
 from rtf.simulator.faults.injection import FaultInjector
-from rtf.simulator.rendering import rendering_back_end
 from rtf.simulator.robot import SimulatedRobot
 
-
-def obstacle() -> str:
-    """Return why no picture can be rendered here; empty if it can."""
-    if not (find_spec("mujoco") and find_spec("icub_models")):
-        return "needs pip install 'rtf[sim]'"
-    try:
-        rendering_back_end()
-    except RenderingError as error:
-        return str(error)
-    return ""
-
-
-pytestmark = pytest.mark.skipif(bool(obstacle()), reason=obstacle() or "pictures can be made")
+pytestmark = needs_pictures
 
 
 class Bench:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -12,6 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from icub import ICUB, build_icub
+from pictures import needs_pictures
 from rtf.bottle import Bottle, Vocab
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
@@ -19,26 +19,12 @@ from rtf.middleware.ports.rpc import RpcClient
 from rtf.robot.errors import RefusedError
 from rtf.simulator.ball import Ball, find_ball, place_of_ball
 from rtf.simulator.cameras import Camera
-from rtf.simulator.errors import RenderingError
 from rtf.simulator.plant import Options
-from rtf.simulator.rendering import rendering_back_end
 from rtf.simulator.robot import SimulatedRobot
 from rtf.simulator.simulation import Simulation
 from rtf.simulator.world import World, from_world, to_world
 
-
-def obstacle() -> str:
-    """Return why no picture can be rendered here; empty if it can."""
-    if not (find_spec("mujoco") and find_spec("icub_models")):
-        return "needs pip install 'rtf[sim]'"
-    try:
-        rendering_back_end()
-    except RenderingError as error:
-        return str(error)
-    return ""
-
-
-pytestmark = pytest.mark.skipif(bool(obstacle()), reason=obstacle() or "pictures can be made")
+pytestmark = needs_pictures
 
 
 @pytest.fixture(scope="module")

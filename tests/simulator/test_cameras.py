@@ -2,32 +2,17 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
-
 import numpy as np
 import pytest
 
 from icub import build_icub
+from pictures import needs_pictures
 from rtf import clock
 from rtf.simulator import meshes, rendering
 from rtf.simulator.cameras import Camera
 from rtf.simulator.errors import RenderingError
 from rtf.simulator.plant import Options, Plant
 from rtf.simulator.rendering import rendering_back_end
-
-
-def obstacle() -> str:
-    """Return why no picture can be rendered here; empty if it can."""
-    if not (find_spec("mujoco") and find_spec("icub_models")):
-        return "needs pip install 'rtf[sim]'"
-    try:
-        rendering_back_end()
-    except RenderingError as error:
-        return str(error)
-    return ""
-
-
-needs_pictures = pytest.mark.skipif(bool(obstacle()), reason=obstacle() or "pictures can be made")
 
 
 @pytest.fixture(scope="module")

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from contextlib import ExitStack, closing
-from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 import pytest
 
+from pictures import needs_pictures
 from rtf.bottle import Property
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
@@ -17,25 +17,12 @@ from rtf.robot.device import make_device
 from rtf.robot.interfaces import IRgbdSensor, RgbdPart
 from rtf.robot.model import load_robot
 from rtf.robot.sensors.point_cloud import points_of
-from rtf.simulator.errors import RenderingError
-from rtf.simulator.rendering import rendering_back_end
 
 if TYPE_CHECKING:
     from rtf.simulator.simulation import Simulation
 
 
-def obstacle() -> str:
-    """Return why no image can be rendered here; empty if it can."""
-    if not find_spec("mujoco"):
-        return "needs pip install 'rtf[sim]'"
-    try:
-        rendering_back_end()
-    except RenderingError as error:
-        return str(error)
-    return ""
-
-
-pytestmark = pytest.mark.skipif(bool(obstacle()), reason=obstacle() or "images can be made")
+pytestmark = needs_pictures
 BENCH = load_robot("bench")
 SETTINGS = BENCH.sensors.depth_cameras["depth"]
 EXACT = msgspec.structs.replace(SETTINGS, noise=0.0)
