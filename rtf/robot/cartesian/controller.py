@@ -104,7 +104,7 @@ class CartesianController(ChainSettings, TaskController[Settings], ICartesianCon
                 raise RefusedError(f"{self._chain.name}: no joint is active")
             self._check(places)
             measured = self._encoders.encoders()
-            found = self._solver.solve(self._problem(goal, self._start(measured), attempts=3))
+            found = self._solver.solve(self._problem(goal, self._start(measured), attempts=6))
             self._direct_mode(places)
             with self.lock:
                 if self._stops != stops:

@@ -145,7 +145,7 @@ class CartesianSolver(ChainSettings):
 
     def _answer(self, target: TargetMessage) -> None:
         present = self._encoders.encoders()
-        found = self._solve(target.target, present, attempts=3)
+        found = self._solve(target.target, present, attempts=6)
         self._tracked = target, present
         wanted = target.target
         if wanted.size == POSITION:
