@@ -110,6 +110,8 @@ _NETWORK = (
     _network("wait", "/PORT [/TO]", "wait until a port answers, or two are connected", "exists:wait"),
     _network("ping", "/PORT", "connections of a port, and how fast it answers", "exists:ping"),
     _network("terminate", "/PORT", "ask the program of a port to end", "exists:terminate"),
+    _network("record", "/PORT ...", "record what ports send: yarpdatadumper's folders, MCAP", "recording:record"),
+    _network("play", "FOLDER|FILE", "send what was recorded, at its times", "recording:play"),
     _network("logger", "", "store what the programs of the network log", "logs:logger"),
     _network("log", "", "show what was logged, and follow it", "logs:log"),
     _network("name", "WORD ...", "give the name server a command", "name_server:name"),

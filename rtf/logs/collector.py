@@ -18,6 +18,7 @@ from rtf.logs.store import LogFileError
 from rtf.middleware.errors import MiddlewareError
 from rtf.middleware.ports import remote
 from rtf.middleware.ports.port import Port
+from rtf.middleware.ports.quiet import await_quiet
 from rtf.middleware.types.codecs import RAW
 from rtf.middleware.wire.contact import Contact
 
@@ -38,8 +39,8 @@ _OVERHEAD = 180
 _TURN = 1000
 #: Seconds between two batches: many records, one transaction.
 _PAUSE = 0.02
-#: Seconds that are waited at the end for what was sent, between two looks, and the looks at which nothing may be left.
-_CLOSING, _LOOK, _LOOKS = 2.0, 0.005, 3
+#: Seconds that are waited at the end for what was sent, and between two looks.
+_CLOSING, _LOOK = 2.0, 0.005
 #: Seconds between two warnings about lost records of one sender.
 _TELLING = 1.0
 
@@ -107,7 +108,7 @@ class Collector:
     def flush(self, timeout: float = _CLOSING) -> bool:
         """Wait until what has been sent is in the file; return False after ``timeout`` seconds."""
         deadline = clock.Deadline.after(timeout)
-        self._await_quiet(deadline)
+        await_quiet(self._port, deadline)
         while self._backlogs or self._writing:
             if deadline.expired:
                 return False
@@ -116,18 +117,11 @@ class Collector:
 
     def close(self) -> None:
         """Write what has been sent, within two seconds, and receive nothing more. A second call has no effect."""
-        self._await_quiet(clock.Deadline.after(_CLOSING))
+        await_quiet(self._port, clock.Deadline.after(_CLOSING))
         self._port.close()
         self._closing.set()
         self._arrived.set()
         self._thread.join()
-
-    def _await_quiet(self, deadline: clock.Deadline) -> None:
-        """Wait until nothing that was sent is unread: senders by fast_tcp do not wait for that, and may be gone."""
-        quiet = 0
-        while quiet < _LOOKS and not deadline.expired:
-            quiet = quiet + 1 if all(caller.idle for caller in self._port.inputs) else 0
-            clock.sleep(_LOOK)
 
     def __enter__(self) -> Self:
         return self

@@ -55,6 +55,7 @@ class _Header(NamedTuple):
 
 
 _FIXED = (_LIST, 4, _WORD, _MAT, _WORD)
+_BEGINNING = struct.pack("<5i", *_FIXED)
 
 
 class ImageCodec(TextCodec["Image"]):
@@ -104,6 +105,11 @@ class ImageCodec(TextCodec["Image"]):
         pixels: NDArray[Any] = np.ndarray(shape, kind.dtype, data, start, strides[: len(shape)])
         image = Image(pixels, kind, quantum)
         return image if self._code is None else image.to(self._code)
+
+
+def is_image(data: Buffer) -> bool:
+    """Return whether a message begins as an image does."""
+    return data[: len(_BEGINNING)] == _BEGINNING
 
 
 def _read_header(data: Buffer) -> tuple[_Header, int]:
