@@ -82,14 +82,16 @@ class _DumpStream:
         self._count = 0
         try:
             folder.mkdir()
-            self._info: IO[str] = (folder / "info.log").open("w", encoding="utf-8", errors="surrogateescape")
             self._data: IO[str] = (folder / "data.log").open(
                 "w", _BUFFER, encoding="utf-8", errors="surrogateescape", newline="\n"
             )
+            begun = folder / "info.new"  # info.log is there when it says the type, so that no crash leaves it without
+            self._info: IO[str] = begun.open("w", encoding="utf-8", errors="surrogateescape")
+            for line in (f"Type: {kind};", "Stamp: tx+rx;", *notes):
+                self.note(line)
+            begun.rename(folder / "info.log")
         except OSError as error:
             raise _failed(folder, error) from None
-        for line in (f"Type: {kind};", "Stamp: tx+rx;", *notes):
-            self.note(line)
 
     def note(self, line: str) -> None:
         try:

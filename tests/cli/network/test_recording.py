@@ -33,9 +33,7 @@ def recording(net: Net, place: str, source: Tool, *words: str) -> Tool:
     recorder.until_printed(f"recording 1 ports into {place}")
     source.type("[pos] 0 1.5", "[pos] 1 1.5")
     path = net.folder / place
-    recorder.until(
-        lambda: path.exists() and (path.suffix or any(path.iterdir())) and len(read_all(path)) == 2, "two messages"
-    )
+    recorder.until(lambda: (path.suffix or any(path.rglob("info.log"))) and len(read_all(path)) == 2, "two messages")
     return recorder
 
 
