@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf import clock
-from rtf.cli.network.options import add_carrier, contact, make_network, make_parser, own_name
+from rtf.cli.network.options import contact, make_network, make_parser, own_name
 from rtf.cli.network.terminal import Bell, complain, opened, progress, report, say
 from rtf.cli.parser import seconds
 from rtf.middleware.ports import remote
@@ -34,7 +34,7 @@ def record(words: Sequence[str]) -> ExitCode:
         " again.",
         "rtf record /icub/head/state:o /icub/cam/left\n"
         "rtf record /icub/head/state:o -o run.mcap --time 30\n"
-        "rtf record /icub/cam/left -o run --carrier fast_tcp",
+        "rtf record /icub/cam/left -o run --carrier udp",
     )
     parser.add_argument("sources", type=contact, nargs="+", metavar="/PORT", help="the ports to record")
     parser.add_argument(
@@ -51,7 +51,9 @@ def record(words: Sequence[str]) -> ExitCode:
         "--port", type=own_name, default="...", metavar="/PORT", help="the recorder's own port (default: any name)"
     )
     parser.add_argument("--time", type=seconds, metavar="S", help="end after a time, such as 30, 10min")
-    add_carrier(parser)
+    parser.add_argument(
+        "--carrier", metavar="C", default="fast_tcp", help="how: fast_tcp (default), by which no port waits, tcp, udp …"
+    )
     options = parser.parse_args(words)
     kind = options.format or (format_of(options.output) if options.output else FORMATS[0])
     place = options.output or Path(f"recording-{clock.local_stamp(clock.now())}{'.mcap' if kind == 'mcap' else ''}")
