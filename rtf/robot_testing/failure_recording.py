@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import TYPE_CHECKING, NamedTuple
 
+from rtf.recording.errors import MissingPackageError
+from rtf.recording.tables import Table
 from rtf.robot.extended_state import Field
 from rtf.robot_testing.guard.contacts import CHANNELS, NoForcesError
 from rtf.robot_testing.motion.modes import LEGEND, mode_numbers
@@ -65,31 +68,41 @@ class FailureRecording:
         if any(len(taken.states) for taken in self._taken):
             self._test.report(LEGEND)
         for taken in self._taken:
+            tables: dict[str, Table] = {}
             if self._forces is not None and taken.forces:
-                self._write_forces(self._forces, taken)
+                tables |= self._write_forces(self._forces, taken)
             if len(taken.states):
-                self._write_states(taken)
+                tables |= self._write_states(taken)
+            if tables:
+                self._attach(taken.when, tables)
 
-    def _write_forces(self, forces: Forces, taken: _Taken) -> None:
+    def _attach(self, when: str, tables: dict[str, Table]) -> None:
+        """Attach the same as one file for Foxglove, if the package for that is installed."""
+        with contextlib.suppress(MissingPackageError):
+            from rtf.recording.mcap_series import MEDIA_TYPE, write_tables
+
+            self._test.attach(write_tables(tables), f"{when} - {self._part.name}.mcap", MEDIA_TYPE)
+
+    def _write_forces(self, forces: Forces, taken: _Taken) -> dict[str, Table]:
         try:
             numbers, stamps, values = forces.rows(taken.forces)
         except NoForcesError as error:
             self._test.report(str(error))
-            return
-        self._test.record(
-            f"{taken.when}: {forces.source}",
-            time=(stamps, "s"),
-            number=(numbers, "count"),
-            **{axis: (values[:, channel], symbol) for channel, (axis, symbol) in enumerate(CHANNELS.items())},
-        )
+            return {}
+        columns = {axis: (values[:, channel], symbol) for channel, (axis, symbol) in enumerate(CHANNELS.items())}
+        self._test.record(f"{taken.when}: {forces.source}", time=(stamps, "s"), number=(numbers, "count"), **columns)
+        return {forces.source: Table(stamps, {"forces": columns})}
 
-    def _write_states(self, taken: _Taken) -> None:
+    def _write_states(self, taken: _Taken) -> dict[str, Table]:
         states, valid = taken.states, taken.states.newest[1].valid
         time, modes = states.time, states.control_modes
         fields = {name: (states.column(field), unit) for name, field, unit in _KEPT if valid[field]}
+        joints = {}
         for joint, name in enumerate(self._part.names):
             columns = {what: (values[:, joint], unit) for what, (values, unit) in fields.items()}
             if "position" in columns:
                 columns["position"] = self._part.column(joint, columns["position"][0])
             columns["mode"] = mode_numbers(modes[:, joint]), ""
             self._test.record(f"{taken.when}: {name}", time=(time, "s"), **columns)
+            joints[name] = columns
+        return {f"/{self._part.name}": Table(time, joints)}

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.extended_state import Field
 from rtf.robot_testing.failure_recording import FailureRecording
 from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.robot_test import RobotTest
-from rtf.testing.events import Event, Message, SeriesRecorded
+from rtf.testing.events import Attached, Event, Message, SeriesRecorded
 from rtf.testing.session import Session
 
 from .part_bench import PartBench
@@ -55,6 +57,19 @@ def test_all_quantities_of_the_board_are_recorded_for_each_joint(tmp_path: Path,
         assert [*data] == ["time", "position", "current", "duty", "mode"]
         assert len(data["time"]) == rows
         assert (data["mode"][0], data["mode"][-1]) == (0.0, 6.0)
+    (attached,) = [one for one in events if isinstance(one, Attached)]
+    assert (attached.name, attached.media_type) == ("before the end - fake.mcap", "application/vnd.mcap")
+    with (
+        np.load(tmp_path / series["before the end: joint1"].path) as data,
+        (tmp_path / attached.path).open("rb") as file,
+    ):
+        messages = [*make_reader(file).iter_messages()]
+        assert {(channel.topic, schema.encoding) for schema, channel, _ in messages} == {("/fake", "jsonschema")}
+        decoded = [json.loads(message.data) for _, _, message in messages]
+        assert [[*one] for one in decoded] == [["joint0", "joint1", "joint2"]] * rows
+        assert [message.log_time / 1e9 for _, _, message in messages] == pytest.approx(data["time"])
+        for column in ("position", "current", "duty", "mode"):
+            assert [one["joint1"][column] for one in decoded] == data[column].tolist()
     assert any("0 pos" in one.detail and "6 ipwm" in one.detail for one in events if isinstance(one, Message))
 
 
