@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from rtf.bottle import Bottle, BottleError, Dialect, Vocab
@@ -57,9 +57,14 @@ class RemoteFunction:
         returns = "void" if self.returns is None else self.returns.yarp
         return f"{returns} {self.name}({', '.join(f'{one.type.yarp} {one.name}' for one in self.arguments)})"
 
+    def called(self, values: Sequence[object]) -> str:
+        """Return a call as text for messages."""
+        return f"{self.name}({', '.join(map(str, values))})"[:_SHOWN]
+
     def request(self, values: Sequence[object]) -> Record:
         """Return the message of a call. Raises BottleError for a value of another type."""
-        return request_of(self.name, *[one.type.put(value) for one, value in zip(self.arguments, values, strict=False)])
+        put = [one.type.put(value) for one, value in zip(self.arguments, values, strict=False)]
+        return Record(*_words(self.name), *put)
 
     def run(self, method: Callable[..., Any], *elements: Value) -> object:
         """Call a method with the elements of a request, and return the answer. Raises BottleError for wrong ones."""
@@ -92,6 +97,12 @@ class RemoteFunction:
         if len(elements) != self.returns.width:
             raise BottleError(f"{len(elements)} elements instead of {self.returns.width}")
         return self.returns.take(elements, 0)
+
+
+@cache
+def _words(function: str) -> tuple[object, ...]:
+    """Return the words of a call of a function, as they are in its message."""
+    return request_of(function).fields
 
 
 class _NativeCodec(TextCodec["_Native"]):
@@ -161,16 +172,17 @@ class Connection:
             return None
         native = function.returns if isinstance(function.returns, NativeType) else None
         codec: Codec[Any] = REPLY if native is None else native.codec or BOTTLE
-        said = f"{function.name}({', '.join(map(str, values))})"[:_SHOWN]
         try:
             reply = self._port.call(request, answer=codec, timeout=self.timeout)
             if reply is None:
-                raise ProtocolError(f"{self.remote} gave no answer to {said}")
+                raise ProtocolError(f"{self.remote} gave no answer to {function.called(values)}")
             if reply is _REFUSED:
-                raise CallError(f"{self.remote} does not know {function.prototype}, or does not accept {said}")
+                refused = f"does not know {function.prototype}, or does not accept {function.called(values)}"
+                raise CallError(f"{self.remote} {refused}")
             return reply if native is not None else function.result(reply)
         except BottleError as error:
-            raise ProtocolError(f"{self.remote} answered {said} with something else: {error}") from None
+            called = function.called(values)
+            raise ProtocolError(f"{self.remote} answered {called} with something else: {error}") from None
 
     def close(self) -> None:
         """Close the port."""

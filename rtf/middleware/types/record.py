@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, ClassVar
 from rtf.bottle import Bottle, Dialect, Vocab, coerce
 from rtf.bottle.binary import LIST, TAGS, decode_from, encode, encode_element
 from rtf.bottle.tags import pair
+from rtf.bottle.values import Kind, utf8
 from rtf.middleware.types.codecs import TextCodec, codec_of
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ OK, FAILED = Vocab("ok"), Vocab("fail")
 _COPIED = 64 << 10
 _SCALARS = (int, float, str, bytes, Vocab)
 _SHORT = 4
+_STRING = Kind.STRING.value
 _pack_double = struct.Struct("<id").pack
 
 
@@ -67,8 +69,12 @@ class Record:
 def _put_all(values: Iterable[object], blocks: list[Buffer], dialect: Dialect) -> int:
     code, count = TAGS[dialect].float64_code, 0
     for value in values:
-        if type(value) is float:  # the most frequent, and worth the line
+        if type(value) is float:  # the most frequent types, and worth the lines
             blocks.append(_pack_double(code, value))
+            count += 1
+        elif type(value) is str:
+            text = utf8(value)
+            blocks += pair.pack(_STRING, len(text)), text
             count += 1
         else:
             count += _put(value, blocks, dialect)
@@ -119,15 +125,24 @@ def read_call(request: Bottle, functions: Iterable[str]) -> tuple[str, Bottle] |
     The words of the name may be vocabs or strings, and one string may hold several. The longest matching name is
     chosen.
     """
-    known = set(functions)
-    most = 1 + max((name.count("_") for name in known), default=0)
-    words: list[str] = []
-    found = None
-    for place, value in enumerate(request[:most], 1):
-        if not isinstance(value, str | Vocab):
-            break
-        words.append(str(value))
-        name = "_".join(words)
-        if name in known:
-            found = name, request[place:]
-    return found
+    return FunctionNames(functions).read(request)
+
+
+class FunctionNames:
+    """The names of functions, for :func:`read_call` of many requests."""
+
+    def __init__(self, functions: Iterable[str]) -> None:
+        self._known = frozenset(functions)
+        self._most = 1 + max((name.count("_") for name in self._known), default=0)
+
+    def read(self, request: Bottle) -> tuple[str, Bottle] | None:
+        """Return the called function and its arguments, as :func:`read_call`."""
+        name, found = "", 0
+        called = ""
+        for place, value in enumerate(request.elements()[: self._most], 1):
+            if not isinstance(value, (str, Vocab)):
+                break
+            name = f"{name}_{value}" if name else str(value)
+            if name in self._known:
+                called, found = name, place
+        return (called, request[found:]) if found else None

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Bottle, BottleError, Vocab
-from rtf.middleware.types.record import FAILED, Record, read_call
+from rtf.middleware.types.record import FAILED, FunctionNames, Record, read_call
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -38,21 +38,30 @@ class Service:
 
     def __init__(self, functions: Mapping[str, Function]) -> None:
         self._functions = dict(functions)
-        self._signatures = {name: inspect.signature(function.run) for name, function in functions.items()}
+        self._names = FunctionNames(functions)
+        signatures = {name: inspect.signature(function.run) for name, function in functions.items()}
+        #: Those that do not take any number of arguments.
+        self._signatures = {
+            name: one
+            for name, one in signatures.items()
+            if not any(parameter.kind is parameter.VAR_POSITIONAL for parameter in one.parameters.values())
+        }
 
     def answer(self, request: Bottle) -> object:
         """Return the answer to a call; :data:`FAIL` for an unknown function or a wrong number of arguments.
 
         A function raises BottleError for an argument of the wrong type. Other errors are not caught.
         """
-        called = read_call(request, self._functions)
+        called = self._names.read(request)
         if called is None:
             return self._help(request)
         name, arguments = called
-        try:
-            self._signatures[name].bind(*arguments)
-        except TypeError:  # more arguments or fewer than the function takes
-            return FAIL
+        signature = self._signatures.get(name)
+        if signature is not None:
+            try:
+                signature.bind(*arguments)
+            except TypeError:  # more arguments or fewer than the function takes
+                return FAIL
         try:
             return answer(self._functions[name].run(*arguments))
         except BottleError:
@@ -64,7 +73,7 @@ class Service:
             return FAIL
         if not called[1]:
             return help_answer(["*** Available commands:", *self._functions, "help"])
-        asked = read_call(called[1], self._functions)
+        asked = self._names.read(called[1])
         if asked is None:
             return FAIL
         function = self._functions[asked[0]]
