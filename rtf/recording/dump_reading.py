@@ -81,7 +81,7 @@ class DumpRecording(Recording):
                 while data := file.readline(_MAX_LINE):
                     number += 1
                     if not data.endswith(b"\n"):
-                        self.notes.append(f"{path}:{number}: the last line is cut off, and left out")
+                        self.leave_out(f"{path}:{number}: the last line is cut off, and left out")
                         return
                     text = data.decode("utf-8", "surrogateescape")
                     yield parse_line(text, info, source, folder, Location(str(path), number))

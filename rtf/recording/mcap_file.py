@@ -148,7 +148,7 @@ class McapRecording(Recording):
             else:
                 foreign.add(f"{topic} ({schema or 'without a schema'})")
         if foreign:
-            self.notes.append(f"{path}: streams of other programs are left out: {', '.join(sorted(foreign))}")
+            self.leave_out(f"{path}: streams of other programs are left out: {', '.join(sorted(foreign))}")
 
     @property
     def streams(self) -> tuple[Stream, ...]:
@@ -209,18 +209,15 @@ class McapRecording(Recording):
             try:
                 yield from StreamReader(file, record_size_limit=size).records
             except RecordLengthLimitExceeded:
-                self._note("the file ends within a record, which is left out: it was not finished, or is damaged")
+                self.leave_out(
+                    f"{self.path}: its last record is cut off, and left out: it was not finished, or is damaged"
+                )
             except _DAMAGE as error:
                 if file.tell() < size:
                     raise RecordingError(f"{self.path}: damaged before byte {file.tell()}: {error}") from None
-                self._note("the file was not finished, and its end is left out")
+                self.leave_out(f"{self.path}: the file was not finished, and its end is left out")
             except OSError as error:
                 raise RecordingError(f"{self.path} cannot be read: {error.strerror}") from None
-
-    def _note(self, text: str) -> None:
-        note = f"{self.path}: {text}"
-        if note not in self.notes:
-            self.notes.append(note)
 
     def _opened(self) -> IO[bytes]:
         try:

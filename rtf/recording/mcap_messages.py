@@ -2,7 +2,8 @@
 
 Foxglove shows both without an extension. JSON has the stamp and, as ``values``, every number of the message in its
 order, null for what is none. A message that is more than a row of 32-bit integers and 64-bit floats is in ``data``,
-too, as its bytes in YARP 4's form, and one with words in ``text``.
+too, as its bytes in YARP 4's form, and one with words in ``text``. Schemas have objects, texts, numbers and flat arrays
+only: Foxglove reads no alternatives, so they do not say where a number may be null.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ BOTTLE_DEFINITION = msgspec.json.encode(
         "description": "a message of YARP",
         "type": "object",
         "properties": {
-            "count": {"type": "integer", "description": "the number that the sender gave it, -1 without one"},
+            "count": {"type": "number", "description": "the number that the sender gave it, -1 without one"},
             "time": {"type": "number", "description": "the time that the sender wrote on it, in seconds"},
             "values": {
                 "type": "array",

@@ -83,6 +83,11 @@ class Recording(ABC):
     def streams(self) -> tuple[Stream, ...]:
         """The streams, sorted by name."""
 
+    def leave_out(self, what: str) -> None:
+        """Note once that something was left out."""
+        if what not in self.notes:
+            self.notes.append(what)
+
     @abstractmethod
     def samples(self, sources: Collection[str]) -> Iterator[Sample]:
         """Yield the messages of some sources in the order of their times. Raises RecordingError."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import struct
 import tempfile
 import zlib
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.reader import make_reader
 from mcap.writer import Writer
 from PIL import Image as Pillow
 
@@ -222,3 +224,38 @@ def test_streams_of_other_programs_in_an_mcap_file_are_left_out_and_named(tmp_pa
     assert open_recording(path).notes == [
         f"{path}: streams of other programs are left out: /chatter (std_msgs/msg/String)"
     ]
+
+
+def plain(schema: dict[str, Any]) -> bool:
+    """Whether Foxglove reads a JSON schema: by the types that its parser takes."""
+    kind = schema.get("type")
+    if kind == "object":
+        return all(plain(inner) for inner in schema["properties"].values())
+    if kind == "array":
+        return schema["items"].get("type") in ("boolean", "string", "number", "integer")
+    return kind in ("boolean", "number", "integer") or (
+        kind == "string" and schema.get("contentEncoding") in (None, "base64")
+    )
+
+
+def test_an_mcap_file_is_one_for_any_reader(tmp_path: Path):
+    """Checksums and index are right; times and schemas are what a viewer needs, and numbers are flat."""
+    path = tmp_path / "run.mcap"
+    image = Image(np.zeros((2, 3, 3), np.uint8))
+    with create_store(path) as store:
+        store.note(0.5, SOURCE, connected=True)
+        store.add(Sample(SOURCE, 1.0, Stamp(7, 0.75), Bottle.parse("[set] 1 (2.5 x)")))
+        store.add(Sample("/camera", 2.0, Stamp(), image))
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        found = [*reader.iter_messages()]
+        notes = [(note.name, note.metadata) for note in reader.iter_metadata()]
+    (schema, channel, message), (of_image, camera, shown) = found
+    assert (channel.topic, channel.message_encoding, schema.encoding) == (SOURCE, "json", "jsonschema")
+    assert plain(json.loads(schema.data))
+    assert (message.log_time, message.publish_time, message.sequence) == (1_000_000_000, 750_000_000, 7)
+    decoded = json.loads(message.data)
+    assert (decoded["values"], decoded["text"]) == ([None, 1, 2.5, None], "[set] 1 (2.5 x)")
+    assert (camera.topic, of_image.name, of_image.encoding) == ("/camera", "sensor_msgs/msg/Image", "ros2msg")
+    assert (shown.log_time, shown.publish_time, shown.sequence) == (2_000_000_000, 2_000_000_000, 0)
+    assert notes == [("connected", {"port": SOURCE, "time": "0.500000"})]
