@@ -53,7 +53,9 @@ class Recorder:
 
     ``name`` is that of its port, empty for any. ``failed`` is called in the writing thread when the store cannot be
     written any more; ``failure`` then says why. ``written``, ``dropped`` and ``refused`` count messages by source;
-    refused are those that the format cannot hold, or that are no messages of YARP.
+    refused are those that the format cannot hold, or that are no messages of YARP. ``skipped`` are those that are
+    missing by the numbers of the stamps without having been dropped: senders skip a message while a reader, or the
+    machine, is too slow for the one before.
     """
 
     def __init__(
@@ -68,6 +70,8 @@ class Recorder:
         self.written: Counter[str] = Counter()
         self.dropped: Counter[str] = Counter()
         self.refused: Counter[str] = Counter()
+        self._missing: Counter[str] = Counter()
+        self._counts: dict[str, int] = {}
         self.failure: RtfError | None = None
         self._store = store
         self._failed = failed
@@ -86,6 +90,11 @@ class Recorder:
         ]
         for thread in self._threads:
             thread.start()
+
+    @property
+    def skipped(self) -> Counter[str]:
+        """How many messages of each source its sender has skipped. To be read at the end."""
+        return self._missing - self.dropped - self.refused
 
     @property
     def port(self) -> Port:
@@ -190,7 +199,8 @@ class Recorder:
     def _write_message(self, message: IncomingMessage, time: float, source: str) -> None:
         message.dialect = self._dialects.get(source, message.dialect)
         try:
-            self._store.add(sample_of(message, time))
+            sample = sample_of(message, time)
+            self._store.add(sample)
         except DiskError:
             raise
         except RtfError as error:
@@ -200,3 +210,7 @@ class Recorder:
             return
         self._dialects[source] = message.dialect
         self.written[source] += 1
+        count, before = sample.stamp.count, self._counts.get(source, -1)
+        if 0 <= before < count:
+            self._missing[source] += count - before - 1
+        self._counts[source] = count

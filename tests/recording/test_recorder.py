@@ -187,14 +187,26 @@ def test_what_does_not_fit_into_memory_is_counted(tmp_path: Path, network: Netwo
         port.write(Bottle([0]))
         assert held.wait(30)
         for number in range(1, 100):
-            port.write(Bottle([number]))
+            port.write(Bottle([number]), envelope=str(Stamp(number, 1.0)))
         let_go.set()
         recorder.close()
     assert 20 < recorder.written["/a"] < 60
     assert recorder.written["/a"] + recorder.dropped["/a"] == 100
+    assert not recorder.skipped
     assert [sample.value for sample in read_all(tmp_path / "run")] == [
         Bottle([number]) for number in range(recorder.written["/a"])
     ]
+
+
+def test_what_a_sender_skips_is_counted(tmp_path: Path, network: Network):
+    """By the numbers of its stamps; those of a sender that begins again, and messages without any, say nothing."""
+    with create_store(tmp_path / "run") as store, Recorder(store, network=network) as recorder:
+        with Port("/a", network=network) as port:
+            recorder.connect(Contact("/a"))
+            for count in (5, 6, 9, 0, 1, -1, 7):
+                port.write(Bottle([count]), envelope=str(Stamp(count, 1.0)) if count >= 0 else "")
+        recorder.close()
+    assert (recorder.written["/a"], recorder.skipped["/a"]) == (7, 2)
 
 
 def test_what_is_no_message_of_yarp_is_counted_and_told(tmp_path: Path, network: Network):

@@ -88,10 +88,15 @@ def _ringing(bell: Bell, after: float | None) -> Iterator[None]:
 
 
 def _summary(recorder: Recorder, sources: Sequence[str]) -> ExitCode:
+    skipped = recorder.skipped
     for source in sources:
         lost = "".join(
             f", {counts[source]} {what}"
-            for counts, what in ((recorder.dropped, "dropped"), (recorder.refused, "not recorded"))
+            for counts, what in (
+                (recorder.dropped, "dropped"),
+                (recorder.refused, "not recorded"),
+                (skipped, "skipped by its sender"),
+            )
             if counts[source]
         )
         say(f"{recorder.written[source]:8} messages of {source}{lost}")
