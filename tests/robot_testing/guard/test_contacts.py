@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 from harness import run_command, write_files
 from icub import ICUB
@@ -35,7 +36,7 @@ from rtf.robot_testing.guard.motion_guard import MotionGuard
 from rtf.robot_testing.guard.reactions import BACK
 from rtf.robot_testing.motion.part import Part
 from rtf.simulator.robot import SimulatedRobot
-from rtf.testing.events import SeriesRecorded
+from rtf.testing.events import Attached, SeriesRecorded
 from rtf.testing.verdict import Verdict
 
 from ...robot.sensor_bench import ManualClock
@@ -497,6 +498,10 @@ def test_a_failure_has_the_recorded_forces(tmp_path):
         assert np.diff(series["time"]) == pytest.approx(0.01)
         forces = np.stack([series[f"force_{axis}"] for axis in "xyz"], axis=1)
         assert {"torque_x", "torque_y", "torque_z"} <= set(series)
+    (attached,) = [one for one in outcome.of(Attached) if one.name == "before the end - left_arm.mcap"]
+    with (outcome.folder / attached.path).open("rb") as file:
+        topics = {channel.topic for _, channel, _ in make_reader(file).iter_messages()}
+    assert topics == {"/left_arm", "/icubSim/left_arm/analog:o"}
     assert np.linalg.norm(forces[-1] - forces[-21]) > 15.0
     assert np.linalg.norm(forces[-30] - forces[-50]) < 5.0
 
