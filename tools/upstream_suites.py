@@ -35,12 +35,8 @@ if TYPE_CHECKING:
 BEGIN = "<!-- the suites: written by `python tools/upstream_suites.py`, do not edit -->"
 END = "<!-- the suites end -->"
 
-_CARTESIAN = "it needs the configuration simCartesianControl of the iCub; with a table it passes, see Cartesian control"
 #: Tests of icub-tests that cannot run as they are, and what they would need.
 MISSING = {
-    "CartesianControlSimpleP2pMovementTest": _CARTESIAN,
-    "CartesianControlReachingToleranceTest": _CARTESIAN,
-    "GazeControlSimpleLookTest": "there is no gaze controller",
     "DemoRedBallTest": "config-test.ini is part of icub-basic-demos; with it and a table it passes, see below",
 }
 

@@ -7,7 +7,7 @@ import threading
 from contextlib import ExitStack, closing
 from typing import TYPE_CHECKING, NamedTuple
 
-from rtf.bottle import Bottle, Property, as_list, as_string, to_string
+from rtf.bottle import Bottle, Property, as_list, as_string
 from rtf.cli.parser import Parser, add_dialect
 from rtf.errors import RtfError
 from rtf.resources import ResourceFinder
@@ -195,8 +195,9 @@ def _settings(words: Sequence[str], options: argparse.Namespace) -> Property:
     settings = Property.from_bottle(group)
     options.name = options.name or as_string(settings.get("name", ""))
     options.robot = as_string(settings.get("robot", options.robot))
-    options.drawn = options.drawn or to_string(settings.get("drawn", ""))
-    options.together = options.together or to_string(settings.get("together", ""))
+    for key in ("drawn", "together"):
+        if settings.check(key) and not getattr(options, key):
+            setattr(options, key, Bottle([settings.get(key, "")]).to_text())
     if settings.check("type"):
         _, _, version = as_string(settings.find("type")).partition("_v")
         options.version = version if "." in version else f"{version or 1}.0"

@@ -73,7 +73,7 @@ def test_sound_application(tmp_path: Path):
         (module("sleep") + connection("/a", "/b", "h264"), "warning: /a -> /b: only programs of YARP have the carrier"),
         (module("sleep") + connection("/a", "/b", more='qos="level:top"'), "'top' is not a packet priority"),
         (module("no-such-program"), "error: there is no program 'no-such-program' (install it)"),
-        (module("iKinGazeCtrl"), "error: iKinGazeCtrl is not there: there is no gaze controller"),
+        (module("yarpdev"), "error: yarpdev is not there: devices are started from a robot"),
         (module("gzclient"), "warning: gzclient is not there: it is the window of a simulator"),
         (module("sleep", inside="<deployer>boat</deployer>"), "there is no deployer 'boat'; there are local, node"),
         (

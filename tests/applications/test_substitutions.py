@@ -28,17 +28,22 @@ def test_shipped_table_replaces_programs_of_the_icub():
     assert robot.module.command == f"{sys.executable} -P -m rtf robotinterface --config a.xml"
 
 
+def test_controllers_are_those_of_this_project():
+    """They take the command line of the originals."""
+    table = read_table()
+    solver = substitute(Module(Text("iKinCartesianSolver"), Text("--context c --part left_arm")), table)
+    assert solver.module.command.endswith("-m rtf cartesian solver --context c --part left_arm")
+    gaze = substitute(Module(Text("iKinGazeCtrl"), Text("--from a.ini")), table)
+    assert gaze.module.command.endswith("-m rtf gaze --from a.ini")
+    assert gaze.module.ready == "/iKinGazeCtrl/rpc"
+
+
 def test_program_that_is_not_there():
-    """The reason is told; an application goes without a window, and not without a controller."""
+    """The reason is told; an application goes without a window, and not without a device."""
     table = read_table()
     window = substitute(Module(Text("yarpview"), Text("--name /v")), table)
-    gaze = substitute(Module(Text("iKinGazeCtrl")), table)
     device = substitute(Module(Text("test_grabber"), deployer=Text("yarpdev")), table)
-    assert [(one.missing, one.optional) for one in (window, gaze, device)] == [
-        (True, True),
-        (True, False),
-        (True, False),
-    ]
+    assert [(one.missing, one.optional) for one in (window, device)] == [(True, True), (True, False)]
     assert device.told.startswith("yarpdev is not there: devices are started from")
 
 

@@ -2,7 +2,8 @@
 
 In every period :class:`~rtf.robot.controllers.gaze.GazeMotion` says by the measured positions what to command: direct
 positions of the neck, velocities of the eyes, and position moves of the eyes for saccades. So the eyes are in mixed
-mode. The vestibulo-ocular reflex goes by a gyroscope, without one by the encoders of the torso.
+mode. The vestibulo-ocular reflex goes by a gyroscope, without one, and while its messages are late, by the encoders of
+the torso.
 
 Positions that do not come, or are no numbers, end a motion and suspend the controller, until it is told to run again.
 A joint in fault ends a motion, too. Left out: the loop on streamed stereo pixels, which are triangulated.
@@ -20,7 +21,7 @@ from rtf.bottle import Bottle
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.controllers.gaze import NECK, GazeCommand, GazeMotion, GazeSettings
 from rtf.robot.controllers.task import TaskController
-from rtf.robot.errors import NoAnswerError, RefusedError, RobotError
+from rtf.robot.errors import NoAnswerError, RefusedError, RobotError, StaleStateError
 from rtf.robot.interfaces import (
     CartesianPose,
     ControllerEvent,
@@ -48,6 +49,8 @@ if TYPE_CHECKING:
 _LOOK = 10
 #: The acceleration (deg/s²) of velocities, which are smooth already, and the peak of a trajectory's speed by its mean.
 _ACCELERATION, _PEAK = 1e4, 1.875
+#: So long (s) the encoders take the place of a gyroscope whose messages are late: as long as a board's may be.
+_LOST = 0.5
 _TORSO = 3
 _AXES: tuple[NeckAxis, ...] = ("pitch", "roll", "yaw")
 _MODES = (*[ControlMode.POSITION_DIRECT] * NECK, *[ControlMode.MIXED] * NECK)
@@ -100,6 +103,7 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
         self._motion.settings = settings or GazeSettings()
         super().__init__(self._motion.settings)
         self._suspended = self._halting = self._has_modes = False
+        self._unfelt = 0.0  # s, since the gyroscope told something
         self._periods = 0
 
     # Motions ---------------------------------------------------------------------------------------------------------
@@ -252,11 +256,21 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
         return measured
 
     def _rotation(self) -> FloatArray | None:
-        """Return the rotation (rad/s) in the frame of the gyroscope; None without one, and if it is not needed."""
+        """Return the rotation (rad/s) in the frame of the gyroscope; None without one, and if it is not needed.
+
+        None, too, while its messages are late, for a short time. Raises RobotError.
+        """
         settings = self._motion.settings
         if self._gyroscope is None or not (settings.vestibular or settings.stabilization):
             return None
-        measured = self._gyroscope()
+        try:
+            measured = self._gyroscope()
+        except StaleStateError:
+            self._unfelt += self.period
+            if self._unfelt > _LOST:
+                raise
+            return None
+        self._unfelt = 0.0
         if not np.isfinite(measured).all():
             raise NoAnswerError(f"the rotation by the gyroscope is no number: {measured.tolist()}")
         return np.radians(measured)

@@ -12,7 +12,7 @@ from rtf.bottle import Bottle, Property
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.controllers.gaze import GazeSettings
 from rtf.robot.devices.fake_board import FakeBoard, FakeDriver
-from rtf.robot.errors import NoAnswerError, RefusedError
+from rtf.robot.errors import NoAnswerError, RefusedError, StaleStateError
 from rtf.robot.gaze.controller import GazeController
 from rtf.robot.gaze.views import EyeViews
 from rtf.robot.interfaces import (
@@ -50,11 +50,17 @@ class Rig:
             self.board,
             self.views,
             settings=GazeSettings(**changes),
-            gyroscope=(lambda: self.rotation) if sensed else None,
+            gyroscope=self.feel if sensed else None,
             sensor_pose=IMU.pose if sensed else None,
         )
         self.events: list[ControllerEvent] = []
         self.controller.observe_events(self.events.append)
+
+    def feel(self) -> np.ndarray:
+        """What the gyroscope says; no numbers: its message is old."""
+        if not len(self.rotation):
+            raise StaleStateError("the message of the gyroscope is old")
+        return self.rotation
 
     def run(self, seconds: float) -> None:
         """Let some time pass."""
@@ -211,6 +217,26 @@ def test_tracking_keeps_a_point():
     idle.run(1.0)
     assert idle.controller.tracking()
     assert idle.controller.desired()[:3] == pytest.approx([0.0] * 3, abs=1.0)
+
+
+def test_messages_of_a_gyroscope_may_be_late():
+    """The encoders of the torso take its place for half a second, then the controller is suspended."""
+    rig = Rig(sensed=True, vestibular=1.0)
+    rig.look(POINT)
+    rig.controller.set_tracking(True)
+    rig.rotation = np.array([])
+    rig.board.set_control_modes(ControlMode.VELOCITY, [0, 1, 2])
+    rig.board.velocity_move([0.0, 0.0, 15.0], [0, 1, 2])
+    rig.run(0.45)
+    assert rig.error(POINT) < 0.5
+    rig.rotation = np.zeros(3)
+    rig.run(PERIOD)
+    rig.rotation = np.array([])
+    rig.run(0.45)
+    assert rig.controller.status() == "running"
+    with pytest.raises(StaleStateError):
+        rig.run(0.1)
+    assert rig.controller.status() == "suspended"
 
 
 def test_stabilization_turns_the_head_against_a_rotation():
