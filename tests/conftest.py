@@ -69,6 +69,7 @@ _LONG = (
     "icub_tests/test_demo_red_ball.py",
     "icub_tests/test_same_seed.py",
     "icub_tests/test_stimuli.py",
+    "icub_tests/test_upstream_red_ball.py",
     "icub_tests/test_yarp_4.py",
     "torture/test_alone.py",
     "torture/test_campaign_kills.py",

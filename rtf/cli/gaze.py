@@ -33,7 +33,7 @@ The settings are those of the original's config.ini, in a file or as options: --
   name, robot, head, torso (off: it stands still), head_version, saccades, vor, ocr
   trajectory_time::neck, ::eyes; eye_tilt::min, ::max; imu::mode, ::source_port_name, ::timeout, ::gyro_noise_threshold
   cameras::context, ::file, or the groups themselves: CAMERA_CALIBRATION_LEFT, _RIGHT, ALIGN_KIN_LEFT, _RIGHT
-  ping_robot_tmo, how long it waits for the robot; of this project: period (ms), eye_joints
+  ping_robot_tmo, how long it waits for the robot; of this project: period (ms), eye_joints, eyes_lag (s)
 Other settings are told, and not used.
 
 examples:
@@ -50,7 +50,7 @@ _CAMERAS = ("CAMERA_CALIBRATION_LEFT", "CAMERA_CALIBRATION_RIGHT", "ALIGN_KIN_LE
 #: What is used of the settings; the keys of groups, empty: all of them.
 _USED: dict[str, frozenset[str]] = {
     **dict.fromkeys(("name", "robot", "head", "torso", "head_version", "saccades", "vor", "ocr"), frozenset()),
-    **dict.fromkeys(("ping_robot_tmo", "period", "eye_joints", "Robot", "from", *_CAMERAS), frozenset()),
+    **dict.fromkeys(("ping_robot_tmo", "period", "eye_joints", "eyes_lag", "Robot", "from", *_CAMERAS), frozenset()),
     "trajectory_time": frozenset({"neck", "eyes"}),
     "eye_tilt": frozenset({"min", "max"}),
     "imu": frozenset({"mode", "source_port_name", "timeout", "gyro_noise_threshold"}),

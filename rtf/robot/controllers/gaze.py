@@ -93,15 +93,21 @@ class _Disturbance(NamedTuple):
 class GazeMotion:
     """A controller with ``limits`` (deg) of the six joints of neck and eyes, as (6, 2). ``period`` is in seconds.
 
-    The neck is commanded speeds up to ``neck_speeds`` (deg/s).
+    The neck is commanded speeds up to ``neck_speeds`` (deg/s). The speeds of the eyes follow what they are commanded
+    ``eyes_lag`` (s) later; what they are turned against is foreseen by that.
     """
 
     def __init__(
-        self, eyes: Eyes, limits: ArrayLike, *, neck_speeds: ArrayLike = math.inf, period: float = 0.01
+        self,
+        eyes: Eyes,
+        limits: ArrayLike,
+        *,
+        neck_speeds: ArrayLike = math.inf,
+        eyes_lag: float = 0,
+        period: float = 0.01,
     ) -> None:
-        self.eyes = eyes
+        self.eyes, self.eyes_lag, self.period = eyes, eyes_lag, period
         self.neck_speeds = np.broadcast_to(np.asarray(neck_speeds, dtype=np.float64), NECK)
-        self.period = period
         self.limits = np.asarray(limits, dtype=np.float64)
         if self.limits.shape != (NECK + 3, 2) or not (self.limits[:, 0] <= self.limits[:, 1]).all():
             raise RefusedError(f"neck and eyes have six pairs of limits, the smaller first, not {limits!r}")
@@ -129,6 +135,7 @@ class GazeMotion:
         self._began = np.zeros(NECK + 3)  # deg
         self._settling = 0.0  # s that are left
         self._unturned = np.zeros(NECK)  # deg: what stabilization has still to make up for
+        self._countered: NDArray[np.float64] | None = None  # deg/s, a period ago
 
     # What it is told -------------------------------------------------------------------------------------------------
 
@@ -197,8 +204,7 @@ class GazeMotion:
 
         ``rotation`` is that of the head (rad/s, in axes of the root) by its gyroscope. The measured ``speeds`` of torso
         and neck (deg/s) say where the head is carried, which no gyroscope does, and without one also how the torso
-        turns it. ``eyes_there`` says whether the boards have ended a jump of the
-        eyes.
+        turns it. ``eyes_there`` says whether the boards have ended a jump of the eyes.
         """
         now = np.asarray(positions, dtype=np.float64).copy()
         now[-1] = max(now[-1], self.eyes.smallest)
@@ -264,7 +270,7 @@ class GazeMotion:
         return events
 
     def _rest(self) -> None:
-        self._neck_held, self._settling = False, 0.0
+        self._neck_held, self._settling, self._countered = False, 0.0, None
         self.speeds = np.zeros(NECK + 3)
 
     def _held(self, now: NDArray[np.float64], disturbance: _Disturbance) -> GazeCommand:
@@ -306,13 +312,11 @@ class GazeMotion:
                 self._rest()
                 return GazeCommand(events=events)
         self._hold_neck(now)
-        neck = self._neck_filter.step(
-            self.wanted[:NECK] - self._neck
-        )  # not what is measured: boards lag, and it would overshoot
+        neck = self._neck_filter.step(self.wanted[:NECK] - self._neck)  # what is measured lags, and would overshoot
         neck = self._turned_neck(now, disturbance, neck / max(1.0, float(np.max(np.abs(neck) / self.neck_speeds))))
         counter = self._counter(now, disturbance, neck)
         self._follow(now, counter)
-        eyes = counter.copy()
+        eyes = self._foreseen(counter)
         if not self.in_saccade:
             eyes += self._eyes_filter.step(self.wanted[NECK:] - now[-3:])
         self.speeds = np.concatenate([neck, eyes])
@@ -413,6 +417,13 @@ class GazeMotion:
             moves = moves + settings.vestibular * self._disturbed(now, jacobian, disturbance)
         speeds: NDArray[np.float64] = -np.degrees(np.linalg.lstsq(jacobian[:, -3:], moves, rcond=None)[0])
         return speeds
+
+    def _foreseen(self, counter: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the speeds against what turns the head as they will be when the eyes follow, by their change now."""
+        before = counter if self._countered is None else self._countered
+        self._countered = counter
+        foreseen: NDArray[np.float64] = counter + (counter - before) * (self.eyes_lag / self.period)
+        return foreseen
 
     def _disturbed(
         self, now: NDArray[np.float64], jacobian: NDArray[np.float64], disturbance: _Disturbance

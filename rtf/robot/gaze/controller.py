@@ -66,8 +66,8 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
 
     ``gyroscope`` returns the rotation (deg/s) in the frame of the sensor, whose orientation in that of the root is
     told by ``sensor_pose`` of the positions (deg) of torso and neck. ``tilt`` are limits of the eyes (deg) within those
-    of the board. ``publish`` is called every ``period`` (s), with the robot's time; all other methods in any thread.
-    Errors of the board are passed on.
+    of the board; for ``eyes_lag`` (s) see GazeMotion. ``publish`` is called every ``period`` (s), with the robot's
+    time; all other methods in any thread. Errors of the board are passed on.
 
     No lock is held while a board is called, see :class:`~rtf.robot.cartesian.controller.CartesianController`.
     """
@@ -81,6 +81,7 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
         gyroscope: Callable[[], FloatArray] | None = None,
         sensor_pose: Callable[[FloatArray], FloatArray] | None = None,
         tilt: tuple[float, float] = (-np.inf, np.inf),
+        eyes_lag: float = 0.0,
         period: float = 0.01,
         info: Sequence[tuple[str, str]] = (),
     ) -> None:
@@ -99,7 +100,7 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
         self._jump_speeds = [limits.velocity_limits(place)[1] / _PEAK for place in self._eyes]
         allowed[NECK] = np.clip(allowed[NECK], *tilt)
         speeds = [limits.velocity_limits(place)[1] for place in self._neck]
-        self._motion = GazeMotion(views.eyes, allowed, neck_speeds=speeds, period=period)
+        self._motion = GazeMotion(views.eyes, allowed, neck_speeds=speeds, eyes_lag=eyes_lag, period=period)
         self._motion.settings = settings or GazeSettings()
         super().__init__(self._motion.settings)
         self._suspended = self._halting = self._has_modes = False

@@ -17,7 +17,8 @@ meanings of ``config.ini`` of iKinGazeCtrl; a key of a group stands in the group
 =========================  ============================================================================================
 
 Of this project: ``period`` in ms (default 10), ``Robot``, one of ``rtf robot list`` or a path, which has the tables of
-the chains (default icub), and ``eye_joints``, the axes of tilt, version and vergence on the board of the head.
+the chains (default icub), ``eye_joints``, the axes of tilt, version and vergence on the board of the head, and
+``eyes_lag``, how much later (s, default 0) their speeds follow what they are commanded, which the reflexes foresee.
 """
 
 from __future__ import annotations
@@ -51,6 +52,8 @@ if TYPE_CHECKING:
 _MILLISECOND = 1e-3
 _ROBOT, _HEAD = "icub", "2.5"
 _EYE_JOINTS = "(eyes_tilt eyes_version eyes_vergence)"
+#: Eyes that follow later than this (s) are not led by the reflex.
+_LONGEST_LAG = 0.1
 _TILT = (-20.0, 15.0)
 _PINHOLE = ("w", "h", "fx", "fy", "cx", "cy")
 _MATRIX = 16
@@ -79,6 +82,9 @@ class GazeControllerDevice(PublishingDevice):
         if low > high:
             raise parameters.wrong(tilt, "min", f"the eyes tilt from {low:g} to {high:g} deg; the smaller comes first")
         self._tilt = low, high
+        self._eyes_lag = parameters.number(configuration, "eyes_lag", 0.0)
+        if not 0.0 <= self._eyes_lag <= _LONGEST_LAG:
+            raise parameters.wrong(configuration, "eyes_lag", f"it is a time from 0 to {_LONGEST_LAG:g} s")
         self._extrinsics = {eye: _extrinsics(configuration, eye) for eye in SIDES}
         self._cameras = {eye: one for eye in SIDES if (one := _camera(configuration, eye)) is not None}
         self._settings = self._read_settings(configuration)
@@ -139,6 +145,7 @@ class GazeControllerDevice(PublishingDevice):
             gyroscope=self._rotation if felt else None,
             sensor_pose=self._imu.pose,
             tilt=self._tilt,
+            eyes_lag=self._eyes_lag,
             period=self.period,
             info=[("server_version", VERSION), ("head_version", self._version)],
         )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from rtf import clock
 from rtf.errors import RtfError
-from rtf.middleware.clocks.network_clock import CLOCK_VARIABLE
+from rtf.middleware.clocks.network_clock import CLOCK_VARIABLE, LockstepClock
 from rtf.middleware.ports import remote
 from rtf.middleware.wire.contact import Contact
 from rtf.robot.errors import DeviceError
@@ -76,6 +76,9 @@ def run_program(
                 return FINE
             say(f"FAILED: {name} could not be started: {error}")
             return FAILED
+        time = clock.current()
+        if run is None and isinstance(time, LockstepClock):
+            time.leave()  # this thread only waits for the end, and time must not wait for it
         say(f"READY {name}")
         try:
             (run or threading.Event.wait)(over)
