@@ -30,8 +30,9 @@ _TRAVEL = 25.0
 #: (deg), which overshoots to twice as much; the greatest deflection (deg) and duration (s) of a push; and the time for
 #: which the joint swings freely (s).
 _SPEED, _WAY, _REACH, _PUSH_TIME, _SWING_OUT = 25.0, 2.5, 6.0, 0.3, 0.4
-#: The speed (deg/s) below which it has swung out at its home, the longest time for that and the pace of a push (s).
-_SLOW, _SWING_TIME, _PACE = 20.0, 3.0, 0.01
+#: The speed (deg/s) below which it has swung out at its home, for how long, the longest time for that and the pace of
+#: a push (s).
+_SLOW, _STILL, _SWING_TIME, _PACE = 20.0, 0.2, 3.0, 0.01
 #: Friction that a push has to overcome beyond spring and damper, as a share of the greatest torque.
 _FRICTION = 0.03
 #: The ratio of the variance of second differences of noise to that of the noise: 1 + 4 + 1.
@@ -176,13 +177,13 @@ class TorqueControlStiffDampCheck(RobotTest):
         )
 
     def _push(self, part: Part, joint: int, home: float, spring: float, damper: float) -> None:
-        """Push to both sides in turn, with the torque that spring and damper need."""
+        """Push to both sides in turn, with the torque that spring and damper need; not a joint that swings still."""
         most = greatest_torque(part.board, joint)
         torque = spring * _WAY + damper * _SPEED + _FRICTION * (most or 0.0)
         with SimulatorControl(self.robot_name) as control:
             for sign in self._pushes():
-                if spring > 0:
-                    part.wait_until(lambda: self._is_at_rest(part, joint, home), _SWING_TIME, pace=_PACE)
+                if spring > 0 and not self._comes_to_rest(part, joint, home):
+                    continue  # it still swings, which is motion enough: another push would add to it
                 number = control.inject("push", part.names[joint], {"torque": sign * torque})
                 try:
                     part.wait_until(
@@ -193,10 +194,20 @@ class TorqueControlStiffDampCheck(RobotTest):
                 self._look_after(part, joint, home)
                 part.wait(_SWING_OUT)
 
-    def _is_at_rest(self, part: Part, joint: int, home: float) -> bool:
-        """Whether a joint has swung out in its spring: pushes in time with its swing would add up."""
-        board = part.board
-        return abs(board.encoder(joint) - home) < _WAY and abs(float(board.encoder_speeds(joint)[0])) < _SLOW
+    def _comes_to_rest(self, part: Part, joint: int, home: float) -> bool:
+        """Wait until a joint has swung out in its spring: pushes in time with its swing would add up.
+
+        It is slow where it turns, too, so it has to be slow and near its home for longer than it turns.
+        """
+        board, moved = part.board, self.now()
+
+        def rests() -> bool:
+            nonlocal moved
+            if abs(board.encoder(joint) - home) >= _WAY or abs(float(board.encoder_speeds(joint)[0])) >= _SLOW:
+                moved = self.now()
+            return self.now() - moved >= _STILL
+
+        return part.wait_until(rests, _SWING_TIME, pace=_PACE)
 
     def _pushes(self) -> Iterator[float]:
         yield from (1.0, -1.0, -1.0, 1.0)
