@@ -22,6 +22,8 @@ R = TypeVar("R")
 #: Seconds that a call of a monitor may take.
 LIMIT = 1.0
 _LOOK = LIMIT / 4
+#: Jumps back, at the first of which an exception that is on its way to a thread is raised.
+_JUMPS = 10
 
 
 class TooLongError(BaseException):
@@ -144,13 +146,21 @@ class Attached:
         return found
 
     def _clear(self) -> bool:
-        """End the watch over a call. Return whether it was struck; what is on its way to this thread is called back."""
-        with self._guard:
-            thread, self._thread = self._thread, 0
-            struck, self._struck = self._struck, False
-            if struck and thread:
-                ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), None)
-        return struck
+        """End the watch over a call. Return whether it was struck; an exception that is on its way arrives here.
+
+        It is never called back: Python 3.11 would then look for it at every jump, and for ever in a profiler.
+        """
+        struck = False
+        while True:
+            try:
+                with self._guard:
+                    struck, self._thread, self._struck = struck or self._struck, 0, False
+                for _ in range(_JUMPS if struck else 0):
+                    pass
+            except TooLongError:
+                struck = True
+            else:
+                return struck
 
     def strike(self, now: float) -> None:
         """Raise TooLongError in the thread of a call that takes too long. Called by the watchdog, again and again."""

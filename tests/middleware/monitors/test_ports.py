@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 from typing import TYPE_CHECKING
 
@@ -352,6 +353,22 @@ def test_pictures_are_made_smaller(network: Network, folder: Path):
         camera.add_output("/viewer", "tcp+recv.portmonitor+type.py+file.shrink+by.2")
         camera.write(Image(pixels))
         np.testing.assert_array_equal(seen[0].pixels, pixels[::2, ::2])
+
+
+def test_a_profiler_runs_after_a_call_that_took_too_long(network: Network, reader: Port, folder: Path, said: list[str]):
+    """No exception is left on its way, and none is looked for: Python would look for it for ever."""
+    (folder / "loops.py").write_text(
+        "from rtf.middleware.monitors import PortMonitor\nclass Monitor(PortMonitor):\n    def accept(self, message):\n"
+        "        while True: pass\n"
+    )
+    write(network, "tcp+recv.portmonitor+type.py+file.loops", Bottle([1]))
+    assert any("took more than 1 s" in line for line in said)
+    calls = []
+    profiled = threading.Thread(target=lambda: (sys.setprofile(lambda *_: calls.append(1)), sorted([2, 1]), str(1)))
+    profiled.start()
+    profiled.join(20)
+    assert not profiled.is_alive()
+    assert calls
 
 
 def test_the_watchdog_ends_with_the_monitors():
