@@ -73,7 +73,8 @@ def test_without_a_motion_there_is_no_profile():
 
 def test_the_picture_has_three_planes():
     """With lines in the colours of the paths, and a cross at the target."""
-    data = path_picture({"one": motion(bow=0.05).seen, "other": motion().told}, np.array([0.3, 0.0, 0.0]))
+    beside = motion(bow=0.05).seen + np.array([0.0, 0.05, 0.0])  # so that no plane has one path over the other
+    data = path_picture({"one": beside, "other": motion().told}, np.array([0.3, 0.0, 0.0]))
     picture = np.asarray(Image.open(BytesIO(data)))
     assert picture.shape == (300, 900, 3)
     for left in (0, 300, 600):
