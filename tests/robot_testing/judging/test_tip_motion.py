@@ -73,8 +73,10 @@ def test_without_a_motion_there_is_no_profile():
 
 def test_the_picture_has_three_planes():
     """With lines in the colours of the paths, and a cross at the target."""
-    beside = motion(bow=0.05).seen + np.array([0.0, 0.05, 0.0])  # so that no plane has one path over the other
-    data = path_picture({"one": beside, "other": motion().told}, np.array([0.3, 0.0, 0.0]))
+    # Both have a length in all planes, and none is over the other.
+    one = motion(bow=0.05).seen + np.outer(share(TIME), [0.0, 0.05, 0.0])
+    other = motion().told - np.outer(share(TIME), [0.0, 0.05, 0.03])
+    data = path_picture({"one": one, "other": other}, np.array([0.3, 0.0, 0.0]))
     picture = np.asarray(Image.open(BytesIO(data)))
     assert picture.shape == (300, 900, 3)
     for left in (0, 300, 600):
