@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import sys
-import threading
-from contextlib import ExitStack, closing
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 from rtf.cli.parser import Parser
-from rtf.errors import RtfError
-from rtf.testing.verdict import ExitCode
 
 if TYPE_CHECKING:
-    import signal
     from collections.abc import Sequence
+    from contextlib import ExitStack
 
     from rtf.middleware.ports.network import Network
 
@@ -69,29 +65,15 @@ def _run(options: argparse.Namespace) -> int:
     from rtf import clock
     from rtf.cli.network.options import make_network
     from rtf.middleware.clocks.network_clock import clock_from_environment
-    from rtf.robot.interface.signals import signal_listener
+    from rtf.robot.interface.network_program import run_program, say
 
-    over = threading.Event()
+    def start(opened: ExitStack) -> None:
+        network = make_network()
+        network.report = say
+        opened.enter_context(clock.use(clock_from_environment(network)))
+        _start(options, network, opened)
 
-    def say(sentence: str) -> None:
-        print(sentence, file=sys.stderr, flush=True)
-
-    def on_signal(number: signal.Signals) -> None:
-        say(f"{number.name}: ends")
-        over.set()
-
-    with signal_listener(on_signal), ExitStack() as opened:
-        try:
-            network = make_network()
-            network.report = say
-            opened.enter_context(clock.use(clock_from_environment(network)))
-            _start(options, network, opened)
-        except RtfError as error:
-            say(f"FAILED: {error}")
-            return ExitCode.FAILURES
-        say("READY")
-        over.wait()
-    return ExitCode.PASSED
+    return run_program(f"the node {options.node}", start)
 
 
 def _start(options: argparse.Namespace, network: Network, opened: ExitStack) -> None:

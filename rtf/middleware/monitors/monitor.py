@@ -107,3 +107,11 @@ class PortMonitor:
     def holds(self) -> bool:
         """Return whether the constraint is true now."""
         return not self._constraint.text or self._constraint.holds(EVENTS.active(clock.current().now()))
+
+
+class SettingsMonitor(PortMonitor):
+    """A monitor whose connection may set what the admin command ``[set]`` changes."""
+
+    def create(self, info: Property) -> bool:
+        self.setparam(info.to_bottle())
+        return True

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from rtf.bottle import Bottle, Property, as_float
-from rtf.middleware.monitors import MonitoredMessage, PortMonitor
+from rtf.middleware.monitors import MonitoredMessage, SettingsMonitor
 
 
-class Monitor(PortMonitor):
+class Monitor(SettingsMonitor):
     """The setting ``milli`` is in thousandths of what the numbers are in."""
 
     milli = 1.0
     _last: Bottle | None = None
-
-    def create(self, info: Property) -> bool:
-        self.setparam(info.to_bottle())
-        return True
 
     def setparam(self, settings: Bottle) -> None:
         self.milli = as_float(settings.find("milli")) if settings.check("milli") else self.milli

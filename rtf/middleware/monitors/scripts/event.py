@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from rtf.bottle import Bottle, Property, as_float, as_string
-from rtf.middleware.monitors import MonitoredMessage, PortMonitor
+from rtf.middleware.monitors import MonitoredMessage, SettingsMonitor
 
 
-class Monitor(PortMonitor):
+class Monitor(SettingsMonitor):
     """Of the settings, ``name`` is that of the event, and ``ms`` its lifetime."""
 
     name = ""
     lifetime: float | None = None
-
-    def create(self, info: Property) -> bool:
-        self.setparam(info.to_bottle())
-        return True
 
     def setparam(self, settings: Bottle) -> None:
         self.name = as_string(settings.find("name")) if settings.check("name") else self.name

@@ -6,21 +6,17 @@ import random
 
 from rtf import clock
 from rtf.bottle import Bottle, Property, as_float
-from rtf.middleware.monitors import MonitoredMessage, PortMonitor
+from rtf.middleware.monitors import MonitoredMessage, SettingsMonitor
 
 #: Longer delays would be taken for a script that hangs.
 _MOST = 500.0
 
 
-class Monitor(PortMonitor):
+class Monitor(SettingsMonitor):
     """The settings ``ms`` and ``jitter`` are in ms; ``seed`` begins the random numbers."""
 
     ms = 10.0
     jitter = 0.0
-
-    def create(self, info: Property) -> bool:
-        self.setparam(info.to_bottle())
-        return True
 
     def setparam(self, settings: Bottle) -> None:
         self.ms = as_float(settings.find("ms")) if settings.check("ms") else self.ms

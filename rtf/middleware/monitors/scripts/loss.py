@@ -5,17 +5,13 @@ from __future__ import annotations
 import random
 
 from rtf.bottle import Bottle, Property, as_float
-from rtf.middleware.monitors import MonitoredMessage, PortMonitor
+from rtf.middleware.monitors import MonitoredMessage, SettingsMonitor
 
 
-class Monitor(PortMonitor):
+class Monitor(SettingsMonitor):
     """The setting ``percent`` is how many messages are lost on average."""
 
     percent = 10.0
-
-    def create(self, info: Property) -> bool:
-        self.setparam(info.to_bottle())
-        return True
 
     def setparam(self, settings: Bottle) -> None:
         self.percent = as_float(settings.find("percent")) if settings.check("percent") else self.percent

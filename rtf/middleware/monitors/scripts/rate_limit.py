@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from rtf import clock
 from rtf.bottle import Bottle, Property, as_float
-from rtf.middleware.monitors import MonitoredMessage, PortMonitor
+from rtf.middleware.monitors import MonitoredMessage, SettingsMonitor
 
 
-class Monitor(PortMonitor):
+class Monitor(SettingsMonitor):
     """The setting ``rate`` is in Hz."""
 
     rate = 10.0
     _next = float("-inf")
-
-    def create(self, info: Property) -> bool:
-        self.setparam(info.to_bottle())
-        return True
 
     def setparam(self, settings: Bottle) -> None:
         rate = as_float(settings.find("rate")) if settings.check("rate") else self.rate

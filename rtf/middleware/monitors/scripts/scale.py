@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from rtf.bottle import Bottle, Property, Value, as_float, as_string
-from rtf.middleware.monitors import MonitoredMessage, PortMonitor
+from rtf.middleware.monitors import MonitoredMessage, SettingsMonitor
 
 _UNITS = {
     "deg_to_rad": math.pi / 180.0,
@@ -15,14 +15,10 @@ _UNITS = {
 }
 
 
-class Monitor(PortMonitor):
+class Monitor(SettingsMonitor):
     """Of the settings, ``unit`` is a conversion by name, ``milli`` a factor in thousandths, ``factor`` one as it is."""
 
     factor = 1.0
-
-    def create(self, info: Property) -> bool:
-        self.setparam(info.to_bottle())
-        return True
 
     def setparam(self, settings: Bottle) -> None:
         if settings.check("unit"):

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from rtf.bottle import Bottle, Property, as_int
-from rtf.middleware.monitors import MonitoredMessage, PortMonitor
+from rtf.middleware.monitors import MonitoredMessage, SettingsMonitor
 from rtf.middleware.types import IMAGE, Image
 
 
-class Monitor(PortMonitor):
+class Monitor(SettingsMonitor):
     """The setting ``by`` is a whole number."""
 
     by = 2
-
-    def create(self, info: Property) -> bool:
-        self.setparam(info.to_bottle())
-        return True
 
     def setparam(self, settings: Bottle) -> None:
         self.by = as_int(settings.find("by")) if settings.check("by") else self.by
