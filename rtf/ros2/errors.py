@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from rtf.errors import RtfError
+from rtf.ros.errors import RosError
 
 
-class Ros2Error(RtfError):
+class Ros2Error(RosError):
     """A topic, a node or a setting that cannot be used. The message says how to mend it."""
 
 

@@ -15,8 +15,8 @@ from rtf.middleware.ports.port import Port
 from rtf.middleware.types import Image as Picture
 from rtf.robot.boards.client import connect
 from rtf.robot.devices.fake_board import FakeBoard
+from rtf.ros.errors import RosError
 from rtf.ros2.bridge import RobotBridge
-from rtf.ros2.errors import Ros2Error
 from rtf.ros2.messages import Image, JointState, WrenchStamped
 from served import served
 from waiting import eventually
@@ -93,5 +93,5 @@ def test_what_cannot_be_published_is_told_once(node: Callable[..., Node], networ
 def test_a_rate_is_checked(node: Callable[..., Node], network: Network):
     """It is a number above 0."""
     for rate in (0.0, -1.0, math.nan, 1e4):
-        with pytest.raises(Ros2Error, match="a rate is above 0"):
+        with pytest.raises(RosError, match="a rate is above 0"):
             RobotBridge(node("bridge"), network, rate=rate)

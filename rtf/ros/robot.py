@@ -1,0 +1,136 @@
+"""A robot of the network as ROS describes robots: states of joints, pictures and forces, in SI units.
+
+The classes are those of neither ROS 1 nor ROS 2, whose messages differ.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from rtf import clock
+from rtf.bottle import Bottle, as_float, as_int
+from rtf.middleware.types import IMAGE
+from rtf.robot.errors import NotSupportedError
+from rtf.robot.interfaces import IAxisInfo, IEncoders, ITorqueControl, JointType
+from rtf.ros.errors import RosError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rtf.middleware.wire.incoming_message import IncomingMessage
+    from rtf.robot.device import Device
+    from rtf.robot.interfaces import FloatArray
+
+#: Pixel formats of YARP, and their encodings in ROS.
+_ENCODINGS = {"rgb": "rgb8", "bgr": "bgr8", "rgba": "rgba8", "mono": "mono8", "mono16": "mono16", "flt1": "32FC1"}
+_WRENCH = 6
+
+
+@dataclass(frozen=True, slots=True)
+class JointStates:
+    """States of joints at a time (s): rad, rad/s, Nm; m, m/s, N of what slides. Efforts may be empty."""
+
+    time: float
+    names: list[str]
+    positions: FloatArray
+    speeds: FloatArray
+    efforts: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A picture of a time (s), with an encoding of ROS; ``step`` is the length of a row in bytes."""
+
+    time: float
+    frame: str
+    height: int
+    width: int
+    encoding: str
+    step: int
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Force:
+    """A force (N) and a torque (Nm) of a time (s): six numbers."""
+
+    time: float
+    frame: str
+    values: list[float]
+
+
+class RobotTopics(Protocol):
+    """The topics of a node. Each function makes a publisher. Those raise RosError, and so do publishers."""
+
+    def joint_states(self, topic: str) -> Callable[[JointStates], object]:
+        """Publish ``sensor_msgs/JointState``."""
+
+    def pictures(self, topic: str) -> Callable[[Picture], object]:
+        """Publish ``sensor_msgs/Image``."""
+
+    def forces(self, topic: str) -> Callable[[Force], object]:
+        """Publish ``geometry_msgs/WrenchStamped``."""
+
+    def times(self, topic: str) -> Callable[[float], object]:
+        """Publish ``rosgraph_msgs/Clock``."""
+
+
+class PartStates:
+    """The state of a board as joint states."""
+
+    def __init__(self, board: Device) -> None:
+        """Ask the board for its axes. Raises RobotError."""
+        axes = board.view(IAxisInfo)  # type: ignore[type-abstract]  # it is only looked for
+        self._names = list(axes.axis_names())
+        turns = [axes.joint_type(joint) is not JointType.PRISMATIC for joint in range(axes.axes())]
+        self._units = np.where(turns, math.pi / 180.0, 1.0)
+        self._encoders = board.view(IEncoders)  # type: ignore[type-abstract]  # it is only looked for
+        self._torques: Callable[[], FloatArray] | None = None
+        try:
+            torques = board.view(ITorqueControl)  # type: ignore[type-abstract]  # it is only looked for
+            torques.torques()
+            self._torques = torques.torques
+        except NotSupportedError:
+            pass  # a board without torques: efforts are empty, as ROS says it
+        self._last = -math.inf
+
+    def newest(self) -> JointStates | None:
+        """Return the state, or None if it is still the last one. Raises RobotError, also for a state that is old."""
+        positions, times = self._encoders.encoders(), self._encoders.encoder_times()
+        stamp = float(times.max())
+        if stamp <= self._last:
+            return None
+        self._last = stamp
+        speeds = self._encoders.encoder_speeds()
+        efforts = np.zeros(0) if self._torques is None else self._torques()
+        return JointStates(stamp, self._names, positions * self._units, speeds * self._units, efforts)
+
+
+def picture_of(message: IncomingMessage, source: str, frame: str) -> Picture:
+    """Return the picture that a port of pictures has sent. Raises MiddlewareError, RosError."""
+    image = message.read(IMAGE)
+    encoding = _ENCODINGS.get(str(image.format.code))
+    if encoding is None:
+        raise RosError(f"{source}: ROS has no encoding for pictures {image.format.code}")
+    pixels = np.ascontiguousarray(image.pixels)
+    height, width = pixels.shape[:2]
+    step = pixels.nbytes // max(height, 1)
+    return Picture(_time_of(message), frame, height, width, encoding, step, pixels.tobytes())
+
+
+def force_of(message: IncomingMessage, source: str, frame: str) -> Force:
+    """Return the force that a port of an analogue sensor has sent: six numbers. Raises as above."""
+    values = [as_float(value) for value in message.read()]
+    if len(values) != _WRENCH:
+        raise RosError(f"{source}: {len(values)} numbers are no force and torque")
+    return Force(_time_of(message), frame, values)
+
+
+def _time_of(message: IncomingMessage) -> float:
+    """Return the stamp of a message, else the time of its arrival."""
+    stamp = Bottle.parse(message.envelope)
+    return as_float(stamp[1]) if len(stamp) > 1 and as_int(stamp[0]) >= 0 else clock.current().now()
