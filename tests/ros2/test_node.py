@@ -58,10 +58,10 @@ def test_messages_go_to_another_process_and_back(node: Callable[..., Node], doma
 
 def test_the_graph_names_nodes_and_what_they_have(node: Callable[..., Node], domain: int):
     """As ``ros2 node list`` and ``ros2 topic list`` read it; a closed node is gone."""
+    one = node("talker", "/lab")
     participant = DomainParticipant(domain)
     topic = Topic(participant, "ros_discovery_info", ParticipantEntities)
     reader = DataReader(participant, topic, qos=default_qos(depth=10, latched=True))
-    one = node("talker", "/lab")
     writer = one.publisher("chatter", String)
     known: dict[bytes, ParticipantEntities] = {}
 
