@@ -11,3 +11,11 @@ class Ros2Error(RosError):
 
 class MissingPackageError(Ros2Error, ImportError):
     """The package of the DDS is not installed."""
+
+
+class MalformedMessageError(Ros2Error, ValueError):
+    """A message whose bytes cannot be read, or that has a value which cannot be sent."""
+
+
+class NoServiceError(Ros2Error, TimeoutError):
+    """A service that is not there, or has not answered in time."""

@@ -6,13 +6,12 @@
 # Types of fields are read at run time, so annotations are not postponed.
 
 import math
-import struct
-import sys
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from cyclonedds.idl import IdlStruct
-from cyclonedds.idl._support import Buffer, Endianness
+
+from rtf.ros2.cdr import Message
 
 if TYPE_CHECKING:  # what the types of DDS are in Python
     float64 = float
@@ -31,7 +30,6 @@ else:
     ShortName = bounded_str[256]
 
 _NS = 1_000_000_000
-_COUNT = struct.Struct("<I")
 
 
 def _dds(name: str) -> str:
@@ -46,7 +44,7 @@ def ros_type(kind: type[IdlStruct]) -> str:
 
 
 @dataclass
-class Time(IdlStruct, typename=_dds("builtin_interfaces/Time")):
+class Time(Message, typename=_dds("builtin_interfaces/Time")):
     """A time since 1970, or since a simulation began."""
 
     sec: int32 = 0
@@ -66,7 +64,7 @@ class Time(IdlStruct, typename=_dds("builtin_interfaces/Time")):
 
 
 @dataclass
-class Header(IdlStruct, typename=_dds("std_msgs/Header")):
+class Header(Message, typename=_dds("std_msgs/Header")):
     """When and in which frame."""
 
     stamp: Time = field(default_factory=Time)
@@ -74,7 +72,7 @@ class Header(IdlStruct, typename=_dds("std_msgs/Header")):
 
 
 @dataclass
-class JointState(IdlStruct, typename=_dds("sensor_msgs/JointState")):
+class JointState(Message, typename=_dds("sensor_msgs/JointState")):
     """Positions (rad, m), velocities and efforts (Nm, N) of joints; a list is empty where nothing is known."""
 
     header: Header = field(default_factory=Header)
@@ -85,7 +83,7 @@ class JointState(IdlStruct, typename=_dds("sensor_msgs/JointState")):
 
 
 @dataclass
-class Image(IdlStruct, typename=_dds("sensor_msgs/Image")):
+class Image(Message, typename=_dds("sensor_msgs/Image")):
     """A picture; ``step`` is the length of a row in bytes."""
 
     header: Header = field(default_factory=Header)
@@ -96,27 +94,16 @@ class Image(IdlStruct, typename=_dds("sensor_msgs/Image")):
     step: uint32 = 0
     data: Bytes = field(default_factory=list)
 
-    def serialize(
-        self, buffer: Buffer | None = None, endianness: Endianness | None = None, use_version_2: bool | None = None
-    ) -> bytes:
-        """Encode it. Pixels that are bytes are appended as they are: one by one they take a hundred times longer."""
-        pixels = self.data
-        if not isinstance(pixels, bytes) or endianness is not None or sys.byteorder != "little":
-            return super().serialize(buffer, endianness, use_version_2)
-        bare = replace(self, data=[])
-        head = super(Image, bare).serialize(buffer, None, use_version_2)  # which ends with the number of pixels, 0
-        return head[: -_COUNT.size] + _COUNT.pack(len(pixels)) + pixels
-
 
 @dataclass
-class Clock(IdlStruct, typename=_dds("rosgraph_msgs/Clock")):
+class Clock(Message, typename=_dds("rosgraph_msgs/Clock")):
     """The time of a simulation."""
 
     clock: Time = field(default_factory=Time)
 
 
 @dataclass
-class Vector3(IdlStruct, typename=_dds("geometry_msgs/Vector3")):
+class Vector3(Message, typename=_dds("geometry_msgs/Vector3")):
     """A vector."""
 
     x: float64 = 0.0
@@ -125,7 +112,7 @@ class Vector3(IdlStruct, typename=_dds("geometry_msgs/Vector3")):
 
 
 @dataclass
-class Wrench(IdlStruct, typename=_dds("geometry_msgs/Wrench")):
+class Wrench(Message, typename=_dds("geometry_msgs/Wrench")):
     """A force (N) and a torque (Nm)."""
 
     force: Vector3 = field(default_factory=Vector3)
@@ -133,7 +120,7 @@ class Wrench(IdlStruct, typename=_dds("geometry_msgs/Wrench")):
 
 
 @dataclass
-class WrenchStamped(IdlStruct, typename=_dds("geometry_msgs/WrenchStamped")):
+class WrenchStamped(Message, typename=_dds("geometry_msgs/WrenchStamped")):
     """A wrench with its time."""
 
     header: Header = field(default_factory=Header)
@@ -141,7 +128,7 @@ class WrenchStamped(IdlStruct, typename=_dds("geometry_msgs/WrenchStamped")):
 
 
 @dataclass
-class String(IdlStruct, typename=_dds("std_msgs/String")):
+class String(Message, typename=_dds("std_msgs/String")):
     """A text."""
 
     data: str = ""
@@ -151,14 +138,14 @@ class String(IdlStruct, typename=_dds("std_msgs/String")):
 
 
 @dataclass
-class Gid(IdlStruct, typename=_dds("rmw_dds_common/Gid")):
+class Gid(Message, typename=_dds("rmw_dds_common/Gid")):
     """The identifier of an entity: its GUID in DDS."""
 
     data: Guid = field(default_factory=lambda: [0] * 16)
 
 
 @dataclass
-class NodeEntities(IdlStruct, typename=_dds("rmw_dds_common/NodeEntitiesInfo")):
+class NodeEntities(Message, typename=_dds("rmw_dds_common/NodeEntitiesInfo")):
     """A node and what it has."""
 
     node_namespace: ShortName = "/"
@@ -168,7 +155,7 @@ class NodeEntities(IdlStruct, typename=_dds("rmw_dds_common/NodeEntitiesInfo")):
 
 
 @dataclass
-class ParticipantEntities(IdlStruct, typename=_dds("rmw_dds_common/ParticipantEntitiesInfo")):
+class ParticipantEntities(Message, typename=_dds("rmw_dds_common/ParticipantEntitiesInfo")):
     """The nodes of a participant, which every ROS 2 program publishes on ``ros_discovery_info``."""
 
     gid: Gid = field(default_factory=Gid)

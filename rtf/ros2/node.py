@@ -5,12 +5,14 @@ Without a setting of the user, all of it stays on this machine: the variable CYC
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 import threading
+import uuid
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from cyclonedds.core import DDSException, Listener
+from cyclonedds.core import DDSException
 from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.idl import IdlStruct
 from cyclonedds.pub import DataWriter
@@ -21,13 +23,17 @@ from cyclonedds.util import duration
 
 from rtf.ros2.errors import Ros2Error
 from rtf.ros2.messages import Gid, NodeEntities, ParticipantEntities
+from rtf.ros2.readers import Arrival
+from rtf.ros2.services import Ends, ServiceClient, ServiceServer
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from types import TracebackType
     from typing import Self
 
-    from cyclonedds.core import Entity
+    from cyclonedds.core import Entity, Listener
+
+    from rtf.ros2.service_types import A, Call, Q, Service
 
 M = TypeVar("M", bound=IdlStruct)
 _NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
@@ -39,6 +45,7 @@ _LOOPBACK = """\
 <Peers><Peer address="127.0.0.1"/></Peers></Discovery>
 </Domain></CycloneDDS>"""
 _MOST_DOMAINS = 232
+_LOG = logging.getLogger(__name__)
 #: Domains of this process that have the setting; it is made once, and lives as long as the process.
 _domains: dict[int, Domain] = {}
 _domains_lock = threading.Lock()
@@ -81,38 +88,34 @@ class Publisher(Generic[M]):
         return self._writer
 
 
-class _Arrival(Listener):
-    """Calls back with each message that has arrived, in a thread of the DDS."""
-
-    def __init__(self, callback: Callable[[Any], object]) -> None:
-        super().__init__()  # type: ignore[no-untyped-call]
-        self._callback = callback
-
-    def on_data_available(self, reader: DataReader[Any]) -> None:
-        for message in reader.take(N=100):
-            if isinstance(message, IdlStruct):  # not the end of a writer
-                self._callback(message)
-
-
 class Node:
     """A node. ``name`` is its own and ``namespace`` begins with ``/``. It lasts until it is closed.
 
-    Raises Ros2Error for names that ROS 2 does not take, and if the DDS cannot be opened.
+    ``report`` is called with a sentence about a message or a request that could not be handled; by default they are
+    logged. Raises Ros2Error for names that ROS 2 does not take, and if the DDS cannot be opened.
     """
 
-    def __init__(self, name: str, namespace: str = "/", *, domain: int | None = None) -> None:
+    def __init__(
+        self,
+        name: str,
+        namespace: str = "/",
+        *,
+        domain: int | None = None,
+        report: Callable[[str], None] = _LOG.warning,
+    ) -> None:
         if not _NAME.fullmatch(f"/{name}") or "/" in name:
             raise Ros2Error(f"{name!r} is no name of a node: letters, digits and '_'")
         if namespace != "/" and not _NAME.fullmatch(namespace):
             raise Ros2Error(f"{namespace!r} is no namespace; write it as in /robot")
-        self.name, self.namespace = name, namespace
+        self.name, self.namespace, self._report = name, namespace, report
         self.domain = domain_of_environment() if domain is None else domain
         self._lock = threading.Lock()
         self._closed = False
         self._writers: list[Entity] = []
         self._readers: list[Entity] = []
+        self._services: list[ServiceServer[Any, Any] | ServiceClient[Any, Any]] = []
         try:
-            _restrict(self.domain)
+            restrict(self.domain)
             self._participant = DomainParticipant(self.domain)
             graph: Topic[ParticipantEntities] = Topic(self._participant, "ros_discovery_info", ParticipantEntities)
             self._graph = DataWriter(self._participant, graph, qos=default_qos(depth=1, latched=True))
@@ -122,20 +125,32 @@ class Node:
 
     def publisher(self, topic: str, kind: type[M], qos: Qos | None = None) -> Publisher[M]:
         """Return a publisher. Raises Ros2Error for a name that is none."""
-        writer = DataWriter(self._participant, self._topic(topic, kind), qos=qos or default_qos())
-        with self._lock:
-            self._writers.append(writer)
-        self._tell()
+        writer = DataWriter(self._participant, self._topic("rt", topic, kind), qos=qos or default_qos())
+        self._add([writer], [])
         return Publisher(writer)
 
     def subscribe(self, topic: str, kind: type[M], callback: Callable[[M], object], qos: Qos | None = None) -> None:
-        """Have each message of a topic passed to ``callback``, in a thread of the DDS. Raises Ros2Error."""
+        """Have each message of a topic passed to ``callback``, in a thread of the DDS. Raises Ros2Error.
+
+        Its attribute ``sample_info`` has the number of its writer, ``publication_handle``.
+        """
+        arrival = Arrival(callback, self._report)
         reader = DataReader(
-            self._participant, self._topic(topic, kind), qos=qos or default_qos(), listener=_Arrival(callback)
+            self._participant, self._topic("rt", topic, kind), qos=qos or default_qos(), listener=arrival
         )
-        with self._lock:
-            self._readers.append(reader)
-        self._tell()
+        self._add([], [reader])
+
+    def serve(self, name: str, service: Service[Q, A], answer: Callable[[Q], A]) -> None:
+        """Answer the requests of a service by ``answer``, in a thread of the service. Raises Ros2Error."""
+        ends = self._ends(name, "serviceid", reads=service.request, writes=service.response)
+        self._services.append(ServiceServer(self.full_name(name), ends, answer, self._report))
+
+    def client(self, name: str, service: Service[Q, A]) -> ServiceClient[Q, A]:
+        """Return a client of a service. Raises Ros2Error."""
+        ends = self._ends(name, "clientid", reads=service.response, writes=service.request)
+        client: ServiceClient[Q, A] = ServiceClient(self.full_name(name), ends, self._report)
+        self._services.append(client)
+        return client
 
     def full_name(self, topic: str) -> str:
         """Return the name of a topic; one that does not begin with ``/`` is in the namespace. Raises Ros2Error."""
@@ -151,6 +166,9 @@ class Node:
                 return
             self._closed = True
             entities, self._writers, self._readers = [*self._writers, *self._readers], [], []
+            services, self._services = self._services, []
+        for service in services:
+            service.close()
         self._tell(gone=True)
         for entity in entities:
             entity.set_listener(None)
@@ -164,8 +182,30 @@ class Node:
     ) -> None:
         self.close()
 
-    def _topic(self, name: str, kind: type[M]) -> Topic[M]:
-        return Topic(self._participant, f"rt{self.full_name(name)}", kind)
+    def _topic(self, prefix: str, name: str, kind: type[M], suffix: str = "") -> Topic[M]:
+        return Topic(self._participant, f"{prefix}{self.full_name(name)}{suffix}", kind)
+
+    def _ends(self, name: str, role: str, *, reads: type[Call], writes: type[Call]) -> Ends:
+        """Open the two topics of a service; ``role`` is the word of its identifier in the user data."""
+        topics = {"serviceid": ("rq", "Request", "rr", "Reply"), "clientid": ("rr", "Reply", "rq", "Request")}[role]
+        incoming = self._topic(topics[0], name, reads, topics[1])
+        outgoing = self._topic(topics[2], name, writes, topics[3])
+        identifier = ".".join(f"{byte:x}" for byte in uuid.uuid4().bytes)
+        qos = Qos(Policy.Userdata(f"{role}={identifier};".encode()), base=default_qos())
+
+        def make(listener: Listener) -> tuple[DataWriter[Any], DataReader[Any]]:
+            writer = DataWriter(self._participant, outgoing, qos=qos, listener=listener)
+            return writer, DataReader(self._participant, incoming, qos=qos, listener=listener)
+
+        ends = Ends(make)
+        self._add([ends.writer], [ends.reader])
+        return ends
+
+    def _add(self, writers: list[Entity], readers: list[Entity]) -> None:
+        with self._lock:
+            self._writers += writers
+            self._readers += readers
+        self._tell()
 
     def _tell(self, *, gone: bool = False) -> None:
         """Publish what the node has."""
@@ -178,8 +218,8 @@ def _gid(entity: Entity) -> Gid:
     return Gid([*entity.guid.bytes])
 
 
-def _restrict(domain: int) -> None:
-    """Keep a domain of this process on the machine, unless the user has a setting of their own."""
+def restrict(domain: int) -> None:
+    """Keep a domain of this process on the machine, unless the user has CYCLONEDDS_URI."""
     with _domains_lock:
         if "CYCLONEDDS_URI" not in os.environ and domain not in _domains:
             _domains[domain] = Domain(domain, _LOOPBACK)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -26,8 +26,8 @@ def node(domain: int) -> Iterator[Callable[..., Node]]:
     """Make nodes; they are closed."""
     made: list[Node] = []
 
-    def make(name: str, namespace: str = "/") -> Node:
-        made.append(Node(name, namespace, domain=domain))
+    def make(name: str, namespace: str = "/", **options: Any) -> Node:
+        made.append(Node(name, namespace, domain=domain, **options))
         return made[-1]
 
     yield make
