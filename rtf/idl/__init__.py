@@ -43,6 +43,9 @@ if TYPE_CHECKING:
     from rtf.idl.program import Program
     from rtf.idl.types import NativeType
 
+#: The interface files of YARP 4's devices and of robot interfaces, which are found by their names alone.
+SERVICES = Path(__file__).parent / "services"
+
 __all__ = [
     "BINARY",
     "BOOL",
@@ -52,6 +55,7 @@ __all__ = [
     "I16",
     "I32",
     "I64",
+    "SERVICES",
     "SIZE",
     "STRING",
     "U8",
@@ -83,13 +87,15 @@ __all__ = [
 def read(path: str | Path, folders: Sequence[str | Path] = ()) -> Program:
     """Read an interface file, and those that it includes: beside it, above it, or in one of ``folders``.
 
-    Raises IdlError with file, line and column, and MissingPackageError.
+    A name without an ending, such as ``control_board``, is a file of :data:`SERVICES`. Raises IdlError with file, line
+    and column, and MissingPackageError.
     """
     try:
         from rtf.idl.resolving import read_program
     except ImportError as error:
         raise MissingPackageError(f"interface files need the package lark: pip install 'rtf[idl]' ({error})") from error
-    return read_program(Path(path), [*map(Path, folders)])
+    own = SERVICES / f"{path}.thrift"
+    return read_program(own if own.parent == SERVICES and own.is_file() else Path(path), [*map(Path, folders)])
 
 
 def load(path: str | Path, folders: Sequence[str | Path] = ()) -> Any:

@@ -45,7 +45,9 @@ def rpc(words: Sequence[str]) -> ExitCode:
         "rtf rpc --idl adder.thrift /adder add 2 3",
     )
     parser.add_argument(
-        "--idl", metavar="FILE", help="an interface file: check calls, and show results, by its services"
+        "--idl",
+        metavar="FILE",
+        help="an interface file, or the name of one of RTF's: check calls, and show results, by its services",
     )
     return _converse(parser, words, "d")
 

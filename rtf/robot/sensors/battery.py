@@ -39,7 +39,8 @@ DATA, RPC = "data:o", "rpc:i"
 #: is low and critical: those of YARP's fake battery.
 STANDBY_CURRENT, LOW, CRITICAL = 0.1, 15.0, 5.0
 FULL = 100.0
-_FUNCTION = row.call("getBatteryInfoRPC", IBattery, "battery_info", gives=(TEXT,))
+#: What a battery is asked.
+FUNCTION = row.call("getBatteryInfoRPC", IBattery, "battery_info", gives=(TEXT,))
 
 
 # The messages --------------------------------------------------------------------------------------------------------
@@ -111,7 +112,7 @@ class BatteryServer(StreamServer[BatteryReading]):
         super().__init__(name, network=network, period=period, outlets=outlets)
         self._battery = battery
         service = DeviceService(
-            [_FUNCTION], lambda _: battery, name, prototype=_prototype, missing=ReturnValue.NOT_READY, network=network
+            [FUNCTION], lambda _: battery, name, prototype=_prototype, missing=ReturnValue.NOT_READY, network=network
         )
         self.open_ports([f"{name}/{DATA}"], BATTERY_READING, f"{name}/{RPC}", service.answer)
 
@@ -185,9 +186,9 @@ class BatteryClient(StreamClient[BatteryReading], IBattery):
         Raises RefusedError if it refuses, NotSupportedError if it lacks the function, NoAnswerError without an answer.
         """
         rpc = self.rpc
-        answer = rpc.ask(request_of(_FUNCTION, ()))
+        answer = rpc.ask(request_of(FUNCTION, ()))
         refused = partial(refusal, rpc.server)
-        return as_string(result_of(_FUNCTION, (), answer.elements(), device=rpc.server, error_of=refused))
+        return as_string(result_of(FUNCTION, (), answer.elements(), device=rpc.server, error_of=refused))
 
     def _reading(self) -> BatteryReading:
         return self.stream.fresh().value
