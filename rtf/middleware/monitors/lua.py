@@ -96,7 +96,8 @@ class LuaMonitor(PortMonitor):
 
     def _changed(self, name: str, message: MonitoredMessage) -> object:
         found = self._call(name, LuaThings(message))
-        return message if not isinstance(found, LuaThings) else result_of(found) or message
+        changed = result_of(found) if isinstance(found, LuaThings) else None
+        return message if changed is None else changed
 
     def trig(self) -> None:
         self._call("trig")

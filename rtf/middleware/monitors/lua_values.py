@@ -281,31 +281,40 @@ _MOST = 10_000
 
 
 class LuaThings(LuaObject):
-    """A message: YARP's Things. What a script reads it as, or sets as its writer, is what goes on."""
+    """A message: YARP's Things. What a script reads it as, or sets as its writer, is what goes on.
+
+    One that a script makes is empty until its writer is set.
+    """
 
     __slots__ = ("_message", "_writer")
 
-    def __init__(self, message: MonitoredMessage) -> None:
+    def __init__(self, message: MonitoredMessage | None = None) -> None:
         self._message = message
         self._writer: LuaBottle | LuaProperty | LuaVector | None = None
 
     def asBottle(self) -> LuaBottle:
         """As a bottle, a copy of what arrived."""
         if not isinstance(self._writer, LuaBottle):
-            self._writer = LuaBottle(Bottle([*self._message.bottle]))
+            self._writer = LuaBottle(Bottle([*self._arrived()]))
         return self._writer
 
     def asProperty(self) -> LuaProperty:
         """As a property."""
         if not isinstance(self._writer, LuaProperty):
-            self._writer = LuaProperty(Property.from_bottle(self._message.bottle))
+            self._writer = LuaProperty(Property.from_bottle(self._arrived()))
         return self._writer
 
-    def asVector(self) -> LuaVector:
-        """As a vector."""
+    def asVector(self) -> LuaVector | None:
+        """As a vector; nil for what is none, such as integers."""
         if not isinstance(self._writer, LuaVector):
-            self._writer = LuaVector([as_float(value) for value in self._message.bottle])
+            numbers = [value for value in self._arrived() if isinstance(value, float)]
+            if len(numbers) < len(self._arrived()):
+                return None
+            self._writer = LuaVector(numbers)
         return self._writer
+
+    def _arrived(self) -> Bottle:
+        return Bottle() if self._message is None else self._message.bottle
 
     def setPortWriter(self, writer: Any) -> None:
         """Replace the message."""
@@ -315,7 +324,7 @@ class LuaThings(LuaObject):
 
     def toString(self) -> str:
         """As it is written."""
-        return self._message.bottle.to_text() if self._writer is None else self._writer.toString()
+        return self._arrived().to_text() if self._writer is None else self._writer.toString()
 
 
 def result_of(things: LuaThings) -> object | None:

@@ -57,13 +57,15 @@ def attach(
     return attached
 
 
-def at_input(text: str, report: Callable[[str], None], *, source: str, destination: str) -> Attached | None:
-    """Return the monitor that the modifiers of an incoming connection ask for. Raises ProtocolError."""
+def at_input(
+    text: str, report: Callable[[str], None], *, source: str, destination: str, carrier: str
+) -> Attached | None:
+    """Return the monitor that the modifiers ``text`` of an incoming connection ask for. Raises ProtocolError."""
     try:
         name = of_connection(modifiers.read(text), "recv")
         if name is None:
             return None
-        return attach(name, report, source=source, destination=destination, carrier=text, sends=False)
+        return attach(name, report, source=source, destination=destination, carrier=carrier, sends=False)
     except ConnectError as error:
         raise ProtocolError(str(error)) from None
 

@@ -391,7 +391,11 @@ class Port:
         assert caller.link is not None
         caller.priority = priority.of_input(caller.sender, caller.link.modifiers)
         caller.monitor = monitoring.at_input(
-            caller.link.modifiers, self._monitor_report, source=caller.sender, destination=self.name
+            caller.link.modifiers,
+            self._monitor_report,
+            source=caller.sender,
+            destination=self.name,
+            carrier=caller.carrier,
         )
         if caller.priority is not None:
             self._priorities.add(caller.priority)

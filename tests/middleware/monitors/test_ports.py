@@ -374,3 +374,26 @@ def test_a_profiler_runs_after_a_call_that_took_too_long(network: Network, reade
 def test_the_watchdog_ends_with_the_monitors():
     """No thread is left."""
     eventually(lambda: not attached._WATCHDOG._watched, "a monitor is still watched")
+
+
+def test_a_script_may_make_the_messages_that_go_on(network: Network, reader: Port, got: list[str], folder: Path):
+    """As scripts for YARP do: a new Things with a vector, and nil for a message that is no vector."""
+    (folder / "doubles.lua").write_text(
+        """
+        require("yarp")
+        PortMonitor.create = function(info)
+          return info:find("carrier"):asString() == "tcp+recv.portmonitor+type.lua+file.doubles"
+        end
+        PortMonitor.accept = function(thing) return thing:asVector() ~= nil end
+        PortMonitor.update = function(thing)
+          local numbers, twice = thing:asVector(), yarp.Vector(2)
+          for i = 0, 1 do twice:set(i, numbers:get(i) * 2) end
+          local made = yarp.Things()
+          made:setPortWriter(twice)
+          return made
+        end
+        """
+    )
+    carrier = "tcp+recv.portmonitor+type.lua+file.doubles"
+    write(network, carrier, Bottle([1, 2]), Bottle([1.0, 2.5]), Bottle(["a", 2.0]))
+    assert got == ["2.0 5.0"]
