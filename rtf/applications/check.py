@@ -196,8 +196,9 @@ class _Check:
     def _check_arbitrators(self) -> None:
         known = {one.name for one in self._application.connections}
         for arbitrator in self._application.arbitrators:
-            message = f"the rules of {arbitrator.port} are not applied: RTF makes no port monitors"
-            self._problems.warning(message, arbitrator.port.location, "use yarpmanager for this application")
+            message = f"the rules of {arbitrator.port} are drawn, and not applied, by yarpmanager as well"
+            hint = "give its connections port monitors, such as tcp+recv.portmonitor+type.py+file.only+constraint.not.e_a"
+            self._problems.warning(message, arbitrator.port.location, hint)
             for name, _ in arbitrator.rules:
                 if name not in known:
                     hint = self._problems.did_you_mean(name, known - {""})

@@ -155,7 +155,7 @@ class Manager:
         Returns whether all is up. What is up stays up otherwise.
         """
         for one in self.application.arbitrators:
-            self._say(Kind.IGNORED, f"the rules of {one.port} are not applied: RTF makes no port monitors")
+            self._say(Kind.IGNORED, f"the rules of {one.port} are drawn, and not applied, by yarpmanager as well")
         if not self.is_fulfilled():
             return False
         self.look()

@@ -126,7 +126,7 @@ def test_rules_of_arbitrators_are_told_of(tmp_path: Path):
     rule = "<arbitrator><port>/b</port><rule connection='/a'>e_quiet</rule></arbitrator>"
     with lab(application(tmp_path, module("sleep", "60") + rule)) as run:
         assert run.manager.start()
-        assert run.texts(Kind.IGNORED) == ["the rules of /b are not applied: RTF makes no port monitors"]
+        assert run.texts(Kind.IGNORED) == ["the rules of /b are drawn, and not applied, by yarpmanager as well"]
 
 
 def test_modules_in_a_circle_are_refused(tmp_path: Path):
