@@ -197,7 +197,7 @@ class _Check:
         known = {one.name for one in self._application.connections}
         for arbitrator in self._application.arbitrators:
             message = f"the rules of {arbitrator.port} are drawn, and not applied, by yarpmanager as well"
-            hint = "give its connections port monitors, such as tcp+recv.portmonitor+type.py+file.only+constraint.not.e_a"
+            hint = "give its connections monitors, such as tcp+recv.portmonitor+type.py+file.only+constraint.not.e_a"
             self._problems.warning(message, arbitrator.port.location, hint)
             for name, _ in arbitrator.rules:
                 if name not in known:
