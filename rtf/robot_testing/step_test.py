@@ -154,6 +154,11 @@ class StepTest(RobotTest):
         """Command a joint; called at every tick. A GuardError ends the cycle as a failure."""
         raise NotImplementedError
 
+    def begins(self, joint: int, elapsed: float) -> bool:
+        """Return whether the step begins now, ``elapsed`` seconds after the joint entered its mode."""
+        del joint
+        return elapsed >= self.lead - _ROUNDING
+
     def enough(self, joint: int, after: float) -> bool:
         """Return whether to end the cycle now, ``after`` seconds after the step (NaN before it).
 
@@ -292,12 +297,11 @@ class StepTest(RobotTest):
         commands: list[float] = []
         stepped, begin = math.nan, self.now()
         while (elapsed := self.now() - begin) < self.step_duration - _ROUNDING:
-            before = elapsed < self.lead - _ROUNDING
-            if not before and math.isnan(stepped):
+            if math.isnan(stepped) and self.begins(joint, elapsed):
                 stepped = self.now()
             times.append(self.now())
             ages.append(self.robot_part.state_age())
-            commands.append(start if before else target)
+            commands.append(start if math.isnan(stepped) else target)
             self.drive(joint, commands[-1])
             if self.enough(joint, after := self.now() - stepped):
                 self._judge_early_end(joint, after)
