@@ -248,6 +248,13 @@ RTF = Command(
             "red-ball", "COMMAND", "see a red ball, look at it and reach for it", commands=_RED_BALL, group="robot"
         ),
         Command(
+            "ros1",
+            "--parts A,B",
+            "publish a robot on topics of ROS 1: joint states, pictures, forces",
+            "rtf.cli.ros1:ros1",
+            group="robot",
+        ),
+        Command(
             "ros2",
             "--parts A,B",
             "publish a robot on topics of ROS 2: joint states, pictures, forces",

@@ -60,6 +60,7 @@ def _start(options: argparse.Namespace, network: Network, opened: ExitStack, bri
     for source, topic in options.wrench:
         bridge.add_wrench(source, topic)
     bridge.start()
+    opened.callback(bridge.close)  # before the boards
 
 
 def _pair(text: str) -> tuple[str, str]:

@@ -5,6 +5,7 @@ It publishes only. Whoever commands a robot does so through its boards.
 
 from __future__ import annotations
 
+import itertools
 import threading
 from contextlib import ExitStack
 from functools import partial
@@ -27,6 +28,10 @@ if TYPE_CHECKING:
     from rtf.ros.robot import RobotTopics
 
 T = TypeVar("T")
+#: Looks at the states in the period of one message: with one, states of the same rate would be missed.
+_LOOKS = 2
+#: Parts of the period that are between two states of a part at least.
+_SHORTEST = 0.75
 
 
 class RobotBridge:
@@ -96,17 +101,19 @@ class RobotBridge:
     def _run(self) -> None:
         """Publish each new state, and the time."""
         due = clock.current().now()
-        while not self._over.is_set():
+        for look in itertools.count():
+            if self._over.is_set():
+                return
             now = clock.current().now()
-            if self._clock is not None:
+            if self._clock is not None and look % _LOOKS == 0:
                 self._publish("/clock", partial(self._clock, now))
             for name, part in self._parts.items():
                 self._publish(name, partial(self._publish_state, part))
-            due = max(due + self._period, now)
+            due = max(due + self._period / _LOOKS, now)
             clock.current().sleep(max(due - clock.current().now(), 0.0))
 
     def _publish_state(self, part: PartStates) -> None:
-        state = part.newest()
+        state = part.newest(_SHORTEST * self._period)
         if state is not None:
             self._states(state)
 

@@ -98,12 +98,15 @@ class PartStates:
             pass  # a board without torques: efforts are empty, as ROS says it
         self._last = -math.inf
 
-    def newest(self) -> JointStates | None:
-        """Return the state, or None if it is still the last one. Raises RobotError, also for a state that is old."""
-        positions, times = self._encoders.encoders(), self._encoders.encoder_times()
-        stamp = float(times.max())
-        if stamp <= self._last:
+    def newest(self, least: float = 0.0) -> JointStates | None:
+        """Return the state; None if it is that of before, or at most ``least`` seconds younger.
+
+        Raises RobotError, also for a state that is old.
+        """
+        stamp = float(self._encoders.encoder_times().max())
+        if stamp <= self._last + least:
             return None
+        positions = self._encoders.encoders()
         self._last = stamp
         speeds = self._encoders.encoder_speeds()
         efforts = np.zeros(0) if self._torques is None else self._torques()
