@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+# Three that each test would import for itself while it runs: for the names of hosts, for medians, and for the addresses
+# of this machine. Imported here, they are loaded once, in the process from which the tests are forked.
+import encodings.idna  # noqa: F401
 import os
 from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar, NoReturn
 
 import numpy as np
+import numpy.ma
+import psutil  # noqa: F401
 
 from rtf import clock
 from rtf.errors import RtfError

@@ -53,7 +53,9 @@ class Boards(BoardState):
         #: The torques commanded when the torque sensors were read; the first ones belong to what they show now.
         self._commanded: deque[FloatArray] = deque([np.zeros(count)], maxlen=self.torque_sensors.kept)
         for axis in range(count):
-            self.configure(axis)
+            self._control(axis)
+        self.motors.refresh()
+        self._note_special_axes()
         for axis, torque in enumerate(self.gravity().tolist()):
             self.controllers.set_integral(axis, torque)
         held = self.controllers.integral
@@ -189,6 +191,12 @@ class Boards(BoardState):
         return super()._effort(axis, before, field)
 
     def configure(self, axis: int) -> None:
+        if self._control(axis):
+            self.motors.refresh()
+        self._note_special_axes()
+
+    def _control(self, axis: int) -> bool:
+        """Set the controller and the amplifier of an axis; return whether its motor is fed otherwise than before."""
         mode = ControlMode(int(self.mode[axis]))
         pid, torque = self.pids[axis], float(self.newton_metres[axis])
         kp = kd = ki = bias = ahead = 0.0  # Nm/deg, Nm s/deg, Nm/deg/s, Nm, Nm s/deg
@@ -211,10 +219,9 @@ class Boards(BoardState):
             limit, voltage = abs(pid.max_output), bool(self.motors.by_voltage[axis])
         self._max_integral[axis] = (_TORQUE_TRIM if mode is ControlMode.TORQUE else abs(pid.max_integral)) * torque
         self._put(axis, (kp, kd, ki, bias, ahead), limit * torque)
-        self.motors.feed(
+        return self.motors.feed(
             axis, voltage=voltage, duty=float(self.duty_limit[axis]), peak=abs(float(self.peak_current[axis]))
         )
-        self._note_special_axes()
 
     def _put(self, axis: int, parameters: tuple[float, float, float, float, float], limit: float) -> None:
         """Set the parameters of a controller, converted to its units: kp, kd, ki, bias and feedforward."""

@@ -107,15 +107,15 @@ class Motors:
 
     # How they are fed, and what is broken -------------------------------------------------------------------------
 
-    def feed(self, motor: int, *, voltage: bool, duty: float, peak: float) -> None:
+    def feed(self, motor: int, *, voltage: bool, duty: float, peak: float) -> bool:
         """Feed a motor with a voltage from now on, or with a current of at most ``peak`` (A).
 
-        ``duty`` is its greatest duty cycle (per cent). Most calls change nothing, as boards apply all settings of an
-        axis together.
+        ``duty`` is its greatest duty cycle (per cent). Return whether that is a change, which needs a :meth:`refresh`;
+        most calls change nothing, as boards apply all settings of an axis together.
         """
-        if (self._fed[motor], self._duty[motor], self._peak[motor]) != (voltage, duty, peak):
-            self._fed[motor], self._duty[motor], self._peak[motor] = voltage, duty, peak
-            self.refresh()
+        changed = (self._fed[motor], self._duty[motor], self._peak[motor]) != (voltage, duty, peak)
+        self._fed[motor], self._duty[motor], self._peak[motor] = voltage, duty, peak
+        return changed
 
     def refresh(self) -> None:
         """Compute the matrices anew: a fault of a motor has begun or ended, or one is fed otherwise."""

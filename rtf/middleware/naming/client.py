@@ -1,4 +1,7 @@
-"""Client of a name server, ours or YARP's. As in every YARP program, each request has a connection of its own.
+"""Client of a name server, ours or YARP's.
+
+As in every YARP program, each request has a connection of its own. Only the properties of a port that was registered
+go through one connection, as a program may open a hundred ports.
 
 Names survive a restart of the server: while ports are open, a thread checks periodically whether they are still
 registered, see :mod:`rtf.middleware.naming.registration_keeper`.
@@ -76,8 +79,8 @@ class RemoteNames(Names):
         return {"offers": carriers, "accepts": carriers, "ips": own_addresses(), "process": [str(os.getpid())]}
 
     def _note(self, record: Record) -> None:
-        for key, values in record.properties.items():
-            self._ask(command("set", record.contact.name, key, *values), _LIBRARY)
+        name = record.contact.name
+        self._ask_all([command("set", name, key, *values) for key, values in record.properties.items()], _LIBRARY)
 
     def unregister(self, name: str) -> None:
         with self._keeper.forgetting(name):
@@ -137,12 +140,19 @@ class RemoteNames(Names):
 
     def _ask(self, line: str, ending: str = "\n") -> Lines:
         """Send one command. Return all lines of the answer, including the last."""
+        return self._ask_all([line], ending)[0]
+
+    def _ask_all(self, commands: Sequence[str], ending: str) -> Sequence[Lines]:
+        """Send commands through one connection, each after the answer to the one before. Return the answers."""
+        deadline = clock.Deadline.after(self._patience)
+        answers = []
         try:
             with contextlib.closing(
                 open_stream(self.contact.host, self.contact.port, self._patience, self._key)
             ) as stream:
-                stream.send(f"{PREFIX} {line}{ending}".encode("utf-8", "surrogateescape"))
-                return _answer(stream, clock.Deadline.after(self._patience), one_line=_is_one_line(line))
+                for line in commands:
+                    stream.send(f"{PREFIX} {line}{ending}".encode("utf-8", "surrogateescape"))
+                    answers.append(_answer(stream, deadline, one_line=_is_one_line(line)))
         except (OSError, MiddlewareError) as error:
             self._keeper.mark_unanswered()
             reason = error.strerror if isinstance(error, OSError) and error.strerror else error
@@ -150,6 +160,7 @@ class RemoteNames(Names):
                 f"the name server at {self._place} does not answer: {reason};"
                 " start one with 'rtf nameserver', or look for one with 'rtf detect --write'"
             ) from None
+        return answers
 
 
 def _is_one_line(line: str) -> bool:

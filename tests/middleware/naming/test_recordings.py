@@ -103,18 +103,21 @@ class Recording:
         self._thread.start()
 
     def _run(self) -> None:
+        connection = self._listening.accept()[0]
         for segments in self._conversations:
-            connection, _ = self._listening.accept()
-            with connection:
-                for way, said in segments:
-                    if way == "<":
-                        connection.sendall(said)
-                        continue
-                    heard = b""
-                    while not heard.endswith(b"\n"):
-                        heard += connection.recv(65536)
-                    if _comparable(heard) != _comparable(said):
-                        self.missed.append((said, heard))
+            if not connection.recv(1, socket.MSG_PEEK):  # the next request does not come through the same connection
+                connection.close()
+                connection = self._listening.accept()[0]
+            for way, said in segments:
+                if way == "<":
+                    connection.sendall(said)
+                    continue
+                heard = b""
+                while not heard.endswith(b"\n"):
+                    heard += connection.recv(65536)
+                if _comparable(heard) != _comparable(said):
+                    self.missed.append((said, heard))
+        connection.close()
 
     def close(self) -> None:
         """Wait until the last request has come."""
