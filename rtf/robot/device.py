@@ -81,6 +81,12 @@ SHIPPED: Mapping[str, str] = {
         RGBDSensorClient="RgbdClient",
         RGBDSensor_nwc_yarp="RgbdClient",
     ),
+    **_family(
+        "rtf.ros1.devices",
+        controlBoard_nws_ros="ControlBoardTopic",
+        frameGrabber_nws_ros="FrameGrabberTopic",
+        wrenchStamped_nws_ros="WrenchTopic",
+    ),
     "simulatedRobot": "rtf.simulator.simulation_device:SimulationDevice",
     "simulatedICub": "rtf.simulator.simulation_device:SimulationDevice",
     **_family(

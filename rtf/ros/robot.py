@@ -21,6 +21,7 @@ from rtf.ros.errors import RosError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from rtf.middleware.types import Image
     from rtf.middleware.wire.incoming_message import IncomingMessage
     from rtf.robot.device import Device
     from rtf.robot.interfaces import FloatArray
@@ -115,14 +116,18 @@ class PartStates:
 
 def picture_of(message: IncomingMessage, source: str, frame: str) -> Picture:
     """Return the picture that a port of pictures has sent. Raises MiddlewareError, RosError."""
-    image = message.read(IMAGE)
+    return picture_from(message.read(IMAGE), _time_of(message), source, frame)
+
+
+def picture_from(image: Image, time: float, source: str, frame: str) -> Picture:
+    """Return a picture for ROS. Raises RosError."""
     encoding = _ENCODINGS.get(str(image.format.code))
     if encoding is None:
         raise RosError(f"{source}: ROS has no encoding for pictures {image.format.code}")
     pixels = np.ascontiguousarray(image.pixels)
     height, width = pixels.shape[:2]
     step = pixels.nbytes // max(height, 1)
-    return Picture(_time_of(message), frame, height, width, encoding, step, pixels.tobytes())
+    return Picture(time, frame, height, width, encoding, step, pixels.tobytes())
 
 
 def force_of(message: IncomingMessage, source: str, frame: str) -> Force:

@@ -98,6 +98,7 @@ class ControlBoardDevice(PublishingDevice):
     """
 
     default_period = DEFAULT_PERIOD
+    ros_device, ros_message = "controlBoard_nws_ros", "sensor_msgs/JointState"
     _protocols: tuple[Dialect, ...] = ()
 
     def configure(self, configuration: Property) -> None:

@@ -8,14 +8,16 @@ from typing import TYPE_CHECKING, ClassVar, Protocol, TypeVar
 from rtf import clock
 from rtf.middleware.errors import MiddlewareError
 from rtf.robot import parameters
-from rtf.robot.device import Device
+from rtf.robot.device import Device, make_device
 from rtf.robot.errors import ConfigurationError, DeviceError, NotSupportedError
+from rtf.robot.network.ros_group import read_ros_group
 from rtf.robot.publishing import PeriodicPublishing, Publisher, PublishingClock
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from rtf.bottle import Property
+    from rtf.robot.network.ros_group import RosGroup
     from rtf.robot.publishing import Outlets
 
 T = TypeVar("T")
@@ -41,9 +43,15 @@ class PublishingDevice(Device):
     unit: ClassVar[float] = 1.0
     default_period: ClassVar[float | None] = None
     default_name: ClassVar[str | None] = None
+    #: The type of the device that publishes the same data on a topic of ROS 1, and that of the messages; see the group
+    #: ``ROS``. Empty: there is none.
+    ros_device: ClassVar[str] = ""
+    ros_message: ClassVar[str] = ""
 
     server: Server | None = None
     _publishing: PeriodicPublishing | None = None
+    _ros_group: RosGroup | None = None
+    _topic: Device | None = None
     _configuration: Property | None = None
 
     @property
@@ -58,6 +66,7 @@ class PublishingDevice(Device):
         self.period = parameters.positive(configuration, "period", self.default_period) * self.unit
         if self.period < SHORTEST:
             raise parameters.wrong(configuration, "period", f"{self.period:g} s is shorter than {SHORTEST:g} s")
+        self._ros_group = read_ros_group(configuration, self.period, self.ros_message)
         self.configure(configuration)
         self._configuration = configuration
 
@@ -72,22 +81,41 @@ class PublishingDevice(Device):
         """Serve a device. Raises DeviceError."""
         if self._configuration is None:
             raise DeviceError(f"{self.name} is not open; open it before it is attached")
-        if self.server is not None:
+        if self.server is not None or self._topic is not None:
             raise DeviceError(f"{self.name} is attached already; detach it first")
         if len(devices) != 1:
             raise DeviceError(f"{self.name} serves one device, not {len(devices)} ({', '.join(devices) or 'none'})")
-        [(name, device)] = devices.items()
+        if self._ros_group is not None:
+            self._topic = self._publish_on_topic(self._ros_group, devices)
+        if self._ros_group is None or not self._ros_group.alone:
+            self._publish_on_ports(*devices.items())
+
+    def _publish_on_ports(self, attached: tuple[str, Device]) -> None:
+        name, device = attached
         try:
             self.server = self.serve(device)
         except (MiddlewareError, NotSupportedError, ConfigurationError) as error:
+            self.detach()
             raise DeviceError(f"{self.name} cannot be attached to {name}: {error}") from error
         report = self.network.report
         self._publishing = PeriodicPublishing(
             self.server, name=self.name, report=lambda said: report(f"{self.name}: {said}")
         )
 
+    def _publish_on_topic(self, group: RosGroup, devices: Mapping[str, Device]) -> Device:
+        topic = make_device(self.ros_device, group.configuration, name=f"{self.name}.ROS", network=self._given_network)
+        try:
+            topic.attach(devices)
+        except Exception:
+            topic.close()
+            raise
+        return topic
+
     def detach(self) -> None:
         """Stop publishing and close the ports."""
+        if self._topic is not None:
+            self._topic.close()
+            self._topic = None
         if self._publishing is not None:
             self._publishing.stop()
             self._publishing = None

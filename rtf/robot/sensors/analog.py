@@ -125,6 +125,7 @@ class AnalogDevice(PublishingDevice):
 
     unit = 1e-3
     default_period = 20.0
+    ros_device, ros_message = "wrenchStamped_nws_ros", "geometry_msgs/WrenchStamped"
 
     def configure(self, configuration: Property) -> None:
         self._ports = [

@@ -82,6 +82,7 @@ class FrameGrabberDevice(PublishingDevice):
 
     default_name = "/grabber"
     default_period = 0.033
+    ros_device, ros_message = "frameGrabber_nws_ros", "sensor_msgs/Image"
 
     def configure(self, configuration: Property) -> None:
         capability = as_string(configuration.get("capabilities", "COLOR"))
