@@ -70,10 +70,12 @@ class ControlModes(JointsTest):
         """Open the part, read the capabilities of its joints, and move them home."""
         super().setup()
         part = self.robot_part
-        words = {mode.word: mode for mode in USER_MODES}
+        words = {mode.word: mode for mode in (*USER_MODES, ControlMode.IDLE)}
         unknown = [word for word in self.without if word not in words]
         self.assert_error_if_true(unknown, f"without: unknown modes {', '.join(unknown)}; use {', '.join(words)}")
         self.missing = {words[word] for word in self.without}
+        if ControlMode.IDLE in self.missing:
+            self.missing.add(ControlMode.FORCE_IDLE)
         self.torque_known = True
         self.compliant = self._torque_controlled()
         self.currents = {joint: part.board.max_current(joint) for joint in self.chosen} if self.faults else {}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from rtf.robot.interfaces import PidType
 from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.guard.limits import GuardError
+from rtf.robot_testing.guard.snapshot import answered
 from rtf.robot_testing.joints_test import JointsTest, command_at
 from rtf.robot_testing.motion.routines import run_queues
 from rtf.robot_testing.parameter_checks import swapped_limits
@@ -45,7 +47,7 @@ class _Side(NamedTuple):
 
 
 class _Stay(NamedTuple):
-    """A joint at rest: its position (deg), and the output of its controller (in the controller's unit)."""
+    """A joint at rest: its position (deg), and the output of its controller (in its unit), or NaN if it is unknown."""
 
     position: float
     output: float
@@ -54,10 +56,11 @@ class _Stay(NamedTuple):
 class JointLimits(JointsTest):
     """Moves each joint to both limits, commands it beyond them, and measures what it reaches.
 
-    The outputs of the position controllers are reduced first, so that a contact does no harm. A joint at its mechanical
-    stop cannot move beyond it, but its controller must not push against it either. Joints that cannot collide with each
-    other move at the same time, the others in turn. Reachable limits that belong to another robot, or are too narrow,
-    are only found if the right ones are known: from ``lower`` and ``upper``, or from the robot's model.
+    The outputs of the position controllers are reduced first, if these are known, so that a contact does no harm. A
+    joint at its mechanical stop cannot move beyond it, but its controller must not push against it either. Joints that
+    cannot collide with each other move at the same time, the others in turn. Reachable limits that belong to another
+    robot, or are too narrow, are only found if the right ones are known: from ``lower`` and ``upper``, or from the
+    robot's model.
     """
 
     aliases = ("jointsLimits", "jointLimits", "JointsLimits")
@@ -97,7 +100,11 @@ class JointLimits(JointsTest):
         }
         percents = self.by_joint("outputLimitPercent", self.output_percent)
         self._exclude_joints_without_range()
-        self.gains = {joint: self._weaken(joint, percents[joint]) for joint in self.chosen}
+        self.outputs_known = answered(partial(self.robot_part.board.pid_outputs, PidType.POSITION)) is not None
+        if self.outputs_known:
+            self.gains = {joint: self._weaken(joint, percents[joint]) for joint in self.chosen}
+        else:
+            self.warn(f"{self.robot_part.name} does not tell its outputs: whether joints push at limits is not judged")
         self.bring_home(speed=float(np.nanmin(self.speeds)))
         self.robot_part.board.set_reference_speeds(self.speeds[self.chosen], self.chosen)
 
@@ -180,7 +187,8 @@ class JointLimits(JointsTest):
 
     def _stay(self, joint: int) -> _Stay:
         board = self.robot_part.board
-        return _Stay(board.encoder(joint), float(board.pid_outputs(PidType.POSITION, joint)[0]))
+        output = float(board.pid_outputs(PidType.POSITION, joint)[0]) if self.outputs_known else math.nan
+        return _Stay(board.encoder(joint), output)
 
     def _travel(self, joint: int, target: float, *, beyond: bool = False) -> Routine[None]:
         """Move a joint until it is at rest after the expected time of the move, or the time is up."""
@@ -220,7 +228,7 @@ class JointLimits(JointsTest):
             f"{likely_causes('beyond limit')}"
         )
         self.measure(f"beyond the {side.name} limit", excess, "deg", high=tolerance, hint=hint)
-        if missing <= tolerance:
+        if missing <= tolerance and self.outputs_known:
             way = math.copysign(sign, sign * self.gains[joint].kp)  # an inverted motor has inverted gains
             self._judge_push(joint, side, way * (asked.output - reached.output))
 

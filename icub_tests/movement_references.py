@@ -56,6 +56,7 @@ class MovementReferencesTest(JointsTest):
     step = Parameter(float, "way of a direct position", unit="deg", default=0.1, low=0.02, high=2.0)
     velocity = Parameter(float, "commanded velocity", unit="deg/s", default=5.0, low=0.1, high=20.0)
     distance = Parameter(float, "distance of the default targets from home", unit="deg", default=5.0, low=1.0)
+    with_duty = Parameter(bool, "whether the boards have duty cycles", key="withDuty", default=True)
 
     def setup(self) -> None:
         """Open the part, set speeds, and bring its joints home."""
@@ -78,7 +79,8 @@ class MovementReferencesTest(JointsTest):
 
     def run(self) -> None:
         """One kind of reference after the other, all joints together."""
-        steps = (self._settings, self._position, self._duty, self._direct, self._velocity)
+        duty = (self._duty,) if self.with_duty else ()
+        steps = (self._settings, self._position, *duty, self._direct, self._velocity)
         for number, step in enumerate(steps):
             self.progress(number / len(steps), step.__name__.strip("_"))
             with self.guarded():

@@ -71,6 +71,7 @@ _LONG = (
     "icub_tests/test_stimuli.py",
     "icub_tests/test_upstream_red_ball.py",
     "icub_tests/test_yarp_4.py",
+    "ros2/test_battery.py",
     "torture/test_alone.py",
     "torture/test_campaign_kills.py",
     "torture/test_can_battery.py",

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
     from rtf.cli.parser import Parser
     from rtf.middleware.ports.network import Network
+    from rtf.robot.boards.client import RemoteBoard
     from rtf.ros.bridge import RobotBridge
 
 
@@ -33,8 +34,12 @@ def check_options(parser: Parser, options: argparse.Namespace) -> None:
         parser.error("nothing to publish: name --parts, --image or --wrench")
 
 
-def publish_until_signal(options: argparse.Namespace, make_bridge: Callable[[Network, ExitStack], RobotBridge]) -> int:
-    """Publish what the options name, through a bridge; returns the exit code."""
+def publish_until_signal(
+    options: argparse.Namespace,
+    make_bridge: Callable[[Network, ExitStack], RobotBridge],
+    serve: Callable[[dict[str, RemoteBoard], Network, ExitStack], None] = lambda _, __, ___: None,
+) -> int:
+    """Publish what the options name, through a bridge; returns the exit code. ``serve`` does more with the boards."""
     from rtf import clock
     from rtf.cli.network.options import make_network
     from rtf.middleware.clocks.network_clock import clock_from_environment
@@ -44,23 +49,30 @@ def publish_until_signal(options: argparse.Namespace, make_bridge: Callable[[Net
         network = make_network()
         network.report = say
         opened.enter_context(clock.use(clock_from_environment(network)))
-        _start(options, network, opened, make_bridge(network, opened))
+        bridge = make_bridge(network, opened)
+        serve(_add_sources(options, network, opened, bridge), network, opened)
+        bridge.start()
 
     return run_program(f"the node {options.node}", start)
 
 
-def _start(options: argparse.Namespace, network: Network, opened: ExitStack, bridge: RobotBridge) -> None:
+def _add_sources(
+    options: argparse.Namespace, network: Network, opened: ExitStack, bridge: RobotBridge
+) -> dict[str, RemoteBoard]:
+    """Have the bridge publish what the options name; returns the boards of the parts."""
     from rtf.robot.boards.client import connect
 
+    boards = {}
     for part in filter(None, options.parts.split(",")):
         place = f"/{options.robot.strip('/')}/{part}"
-        bridge.add_part(part, opened.enter_context(connect(place, carrier="tcp", network=network)))
+        boards[part] = opened.enter_context(connect(place, carrier="tcp", network=network, strict=True))
+        bridge.add_part(part, boards[part])
     for source, topic in options.image:
         bridge.add_camera(source, topic)
     for source, topic in options.wrench:
         bridge.add_wrench(source, topic)
-    bridge.start()
     opened.callback(bridge.close)  # before the boards
+    return boards
 
 
 def _pair(text: str) -> tuple[str, str]:

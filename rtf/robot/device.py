@@ -87,6 +87,13 @@ SHIPPED: Mapping[str, str] = {
         frameGrabber_nws_ros="FrameGrabberTopic",
         wrenchStamped_nws_ros="WrenchTopic",
     ),
+    "ros2ControlBoard": "rtf.ros2.board:Ros2Board",
+    **_family(
+        "rtf.ros2.sensors",
+        ros2ForceTorque="Ros2ForceTorque",
+        ros2Imu="Ros2Imu",
+        ros2Camera="Ros2Camera",
+    ),
     "simulatedRobot": "rtf.simulator.simulation_device:SimulationDevice",
     "simulatedICub": "rtf.simulator.simulation_device:SimulationDevice",
     **_family(

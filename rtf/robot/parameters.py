@@ -11,6 +11,8 @@ from rtf.middleware.errors import MiddlewareError
 from rtf.robot.errors import ConfigurationError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from rtf.bottle import Value
 
 _YES = ("on", "true", "yes", "1")
@@ -73,6 +75,22 @@ def number(configuration: Property, key: str, default: float) -> float:
     if not isinstance(value, int | float) or not math.isfinite(value):
         raise wrong(configuration, key, f"{to_string(value)} is not a number")
     return float(value)
+
+
+def text(configuration: Property, key: str, default: str | None = None) -> str:
+    """Return a word or a text; required unless there is a ``default``."""
+    value = configuration.get(key, default)
+    if value is None or not as_string(value):
+        raise wrong(configuration, key, "it is missing")
+    return as_string(value)
+
+
+def choice(configuration: Property, key: str, default: str, words: Iterable[str]) -> str:
+    """Return one of some words."""
+    found = text(configuration, key, default)
+    if found not in (known := [*words]):
+        raise wrong(configuration, key, f"{found!r} is none of {', '.join(known)}")
+    return found
 
 
 def count(configuration: Property, key: str, default: int, most: int) -> int:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
 
 #: Pixel formats of YARP, and their encodings in ROS.
-_ENCODINGS = {"rgb": "rgb8", "bgr": "bgr8", "rgba": "rgba8", "mono": "mono8", "mono16": "mono16", "flt1": "32FC1"}
+_ENCODINGS = {"rgb": "rgb8", "bgr": "bgr8", "rgba": "rgba8", "mono": "mono8", "mo16": "mono16", "dec": "32FC1"}
 _WRENCH = 6
 
 

@@ -19,3 +19,7 @@ class MalformedMessageError(Ros2Error, ValueError):
 
 class NoServiceError(Ros2Error, TimeoutError):
     """A service that is not there, or has not answered in time."""
+
+
+class DescriptionError(Ros2Error, ValueError):
+    """A description of a robot that cannot be used. The message says where, and what is wrong."""

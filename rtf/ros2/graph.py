@@ -88,7 +88,8 @@ class Graph:
 
     def close(self) -> None:
         """Leave the domain."""
-        del self._nodes, self._alive, self._writers, self._readers, self._participant
+        for entity in (self._nodes, self._alive, self._writers, self._readers, self._participant):
+            entity.__del__()
 
 
 def _living(reader: BuiltinDataReader) -> list[DcpsEndpoint]:

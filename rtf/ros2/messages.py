@@ -20,12 +20,14 @@ if TYPE_CHECKING:  # what the types of DDS are in Python
     uint32 = int
     sequence = list
     Bytes = list[int] | bytes
+    Covariance = list[float]
     Guid = list[int]
     ShortName = str
 else:
     from cyclonedds.idl.types import array, bounded_str, float64, int32, sequence, uint8, uint32
 
     Bytes = sequence[uint8]
+    Covariance = array[float64, 9]
     Guid = array[uint8, 16]
     ShortName = bounded_str[256]
 
@@ -160,3 +162,96 @@ class ParticipantEntities(Message, typename=_dds("rmw_dds_common/ParticipantEnti
 
     gid: Gid = field(default_factory=Gid)
     node_entities_info_seq: sequence[NodeEntities] = field(default_factory=list)
+
+
+# Commands of controllers ---------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Duration(Message, typename=_dds("builtin_interfaces/Duration")):
+    """A time between two."""
+
+    sec: int32 = 0
+    nanosec: uint32 = 0
+
+    @classmethod
+    def of(cls, seconds: float) -> "Duration":
+        """Return a duration of seconds."""
+        time = Time.of(seconds)
+        return cls(time.sec, time.nanosec)
+
+    @property
+    def seconds(self) -> float:
+        """The duration in s."""
+        return self.sec + self.nanosec / _NS
+
+
+@dataclass
+class MultiArrayDimension(Message, typename=_dds("std_msgs/MultiArrayDimension")):
+    """A dimension of an array."""
+
+    label: str = ""
+    size: uint32 = 0
+    stride: uint32 = 0
+
+
+@dataclass
+class MultiArrayLayout(Message, typename=_dds("std_msgs/MultiArrayLayout")):
+    """The dimensions of an array; none for a plain list."""
+
+    dim: sequence[MultiArrayDimension] = field(default_factory=list)
+    data_offset: uint32 = 0
+
+
+@dataclass
+class Float64MultiArray(Message, typename=_dds("std_msgs/Float64MultiArray")):
+    """Numbers: the commands of a ``forward_command_controller``, one for each of its joints."""
+
+    layout: MultiArrayLayout = field(default_factory=MultiArrayLayout)
+    data: sequence[float64] = field(default_factory=list)
+
+
+@dataclass
+class JointTrajectoryPoint(Message, typename=_dds("trajectory_msgs/JointTrajectoryPoint")):
+    """Where joints are at a time after the beginning."""
+
+    positions: sequence[float64] = field(default_factory=list)
+    velocities: sequence[float64] = field(default_factory=list)
+    accelerations: sequence[float64] = field(default_factory=list)
+    effort: sequence[float64] = field(default_factory=list)
+    time_from_start: Duration = field(default_factory=Duration)
+
+
+@dataclass
+class JointTrajectory(Message, typename=_dds("trajectory_msgs/JointTrajectory")):
+    """The way of joints; a stamp of 0 means that it begins at once."""
+
+    header: Header = field(default_factory=Header)
+    joint_names: sequence[str] = field(default_factory=list)
+    points: sequence[JointTrajectoryPoint] = field(default_factory=list)
+
+
+# Sensors -------------------------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Quaternion(Message, typename=_dds("geometry_msgs/Quaternion")):
+    """An orientation."""
+
+    x: float64 = 0.0
+    y: float64 = 0.0
+    z: float64 = 0.0
+    w: float64 = 1.0
+
+
+@dataclass
+class Imu(Message, typename=_dds("sensor_msgs/Imu")):
+    """An orientation, an angular velocity (rad/s) and an acceleration (m/s²); a covariance of -1: not measured."""
+
+    header: Header = field(default_factory=Header)
+    orientation: Quaternion = field(default_factory=Quaternion)
+    orientation_covariance: Covariance = field(default_factory=lambda: [0.0] * 9)
+    angular_velocity: Vector3 = field(default_factory=Vector3)
+    angular_velocity_covariance: Covariance = field(default_factory=lambda: [0.0] * 9)
+    linear_acceleration: Vector3 = field(default_factory=Vector3)
+    linear_acceleration_covariance: Covariance = field(default_factory=lambda: [0.0] * 9)

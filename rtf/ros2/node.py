@@ -5,6 +5,7 @@ Without a setting of the user, all of it stays on this machine: the variable CYC
 
 from __future__ import annotations
 
+import itertools
 import logging
 import os
 import re
@@ -21,9 +22,11 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
+from rtf import clock
+from rtf.robot import parameters
 from rtf.ros2.errors import Ros2Error
 from rtf.ros2.messages import Gid, NodeEntities, ParticipantEntities
-from rtf.ros2.readers import Arrival
+from rtf.ros2.readers import Arrival, Changes
 from rtf.ros2.services import Ends, ServiceClient, ServiceServer
 
 if TYPE_CHECKING:
@@ -33,6 +36,8 @@ if TYPE_CHECKING:
 
     from cyclonedds.core import Entity, Listener
 
+    from rtf.bottle import Property
+    from rtf.ros2.readers import Source
     from rtf.ros2.service_types import A, Call, Q, Service
 
 M = TypeVar("M", bound=IdlStruct)
@@ -45,15 +50,17 @@ _LOOPBACK = """\
 <Peers><Peer address="127.0.0.1"/></Peers></Discovery>
 </Domain></CycloneDDS>"""
 _MOST_DOMAINS = 232
+#: Devices of a process have nodes of their own.
+_numbers = itertools.count()
 _LOG = logging.getLogger(__name__)
 #: Domains of this process that have the setting; it is made once, and lives as long as the process.
 _domains: dict[int, Domain] = {}
 _domains_lock = threading.Lock()
 
 
-def domain_of_environment() -> int:
-    """Return the domain that ROS_DOMAIN_ID names, or 0. Raises Ros2Error."""
-    text = os.environ.get("ROS_DOMAIN_ID", "0")
+def domain_of_environment(given: str | None = None) -> int:
+    """Return the domain that ROS_DOMAIN_ID names, or has been ``given``, or 0. Raises Ros2Error."""
+    text = given or os.environ.get("ROS_DOMAIN_ID", "0")
     if not text.isdecimal() or int(text) > _MOST_DOMAINS:
         raise Ros2Error(f"ROS_DOMAIN_ID is a number from 0 to {_MOST_DOMAINS}, not {text!r}")
     return int(text)
@@ -72,8 +79,8 @@ def default_qos(*, depth: int = 10, latched: bool = False) -> Qos:
 class Publisher(Generic[M]):
     """A topic that is written. ``publish`` may be called from any thread."""
 
-    def __init__(self, writer: DataWriter[M]) -> None:
-        self._writer = writer
+    def __init__(self, writer: DataWriter[M], changed: threading.Event) -> None:
+        self._writer, self._changed = writer, changed
 
     def publish(self, message: M) -> None:
         """Send a message to all subscriptions. Raises Ros2Error if a reader does not take it within 0.1 s."""
@@ -81,6 +88,15 @@ class Publisher(Generic[M]):
             self._writer.write(message)
         except DDSException as error:
             raise Ros2Error(f"{self._writer.topic.name} cannot be written: {error}") from None
+
+    def await_reader(self, timeout: float) -> bool:
+        """Wait until anybody has subscribed to the topic; False if nobody does within ``timeout`` s."""
+        deadline = clock.Deadline.after(timeout)
+        while not self._writer.get_matched_subscriptions():
+            if not self._changed.wait(deadline.remaining()):
+                return False
+            self._changed.clear()
+        return True
 
     @property
     def entity(self) -> Entity:
@@ -113,6 +129,7 @@ class Node:
         self._closed = False
         self._writers: list[Entity] = []
         self._readers: list[Entity] = []
+        self._listeners: list[Listener] = []  # the library frees them while they may still be called
         self._services: list[ServiceServer[Any, Any] | ServiceClient[Any, Any]] = []
         try:
             restrict(self.domain)
@@ -125,20 +142,27 @@ class Node:
 
     def publisher(self, topic: str, kind: type[M], qos: Qos | None = None) -> Publisher[M]:
         """Return a publisher. Raises Ros2Error for a name that is none."""
-        writer = DataWriter(self._participant, self._topic("rt", topic, kind), qos=qos or default_qos())
-        self._add([writer], [])
-        return Publisher(writer)
+        listener = Changes(changed := threading.Event())
+        writer = DataWriter(
+            self._participant, self._topic("rt", topic, kind), qos=qos or default_qos(), listener=listener
+        )
+        self._add([writer], [], listener)
+        return Publisher(writer, changed)
 
     def subscribe(self, topic: str, kind: type[M], callback: Callable[[M], object], qos: Qos | None = None) -> None:
-        """Have each message of a topic passed to ``callback``, in a thread of the DDS. Raises Ros2Error.
+        """Have each message of a topic passed to ``callback``, in a thread of the DDS. Raises Ros2Error."""
+        self.listen(topic, kind, lambda message, _: callback(message), qos)
 
-        Its attribute ``sample_info`` has the number of its writer, ``publication_handle``.
-        """
+    def listen(
+        self, topic: str, kind: type[M], callback: Callable[[M, Source], object], qos: Qos | None = None
+    ) -> None:
+        """Do the same, with the source of each message."""
         arrival = Arrival(callback, self._report)
         reader = DataReader(
             self._participant, self._topic("rt", topic, kind), qos=qos or default_qos(), listener=arrival
         )
-        self._add([], [reader])
+        arrival.on_data_available(reader)  # what has arrived while it was made
+        self._add([], [reader], arrival)
 
     def serve(self, name: str, service: Service[Q, A], answer: Callable[[Q], A]) -> None:
         """Answer the requests of a service by ``answer``, in a thread of the service. Raises Ros2Error."""
@@ -170,9 +194,10 @@ class Node:
         for service in services:
             service.close()
         self._tell(gone=True)
-        for entity in entities:
+        for entity in (*entities, self._graph, self._participant):
             entity.set_listener(None)
-        del entities, self._participant, self._graph  # which ends them
+            entity.__del__()  # the only way to end it while it is referred to; children come before parents
+        self._listeners.clear()
 
     def __enter__(self) -> Self:
         return self
@@ -192,17 +217,15 @@ class Node:
         outgoing = self._topic(topics[2], name, writes, topics[3])
         identifier = ".".join(f"{byte:x}" for byte in uuid.uuid4().bytes)
         qos = Qos(Policy.Userdata(f"{role}={identifier};".encode()), base=default_qos())
-
-        def make(listener: Listener) -> tuple[DataWriter[Any], DataReader[Any]]:
-            writer = DataWriter(self._participant, outgoing, qos=qos, listener=listener)
-            return writer, DataReader(self._participant, incoming, qos=qos, listener=listener)
-
-        ends = Ends(make)
-        self._add([ends.writer], [ends.reader])
+        listener = Changes(changed := threading.Event())
+        writer = DataWriter(self._participant, outgoing, qos=qos, listener=listener)
+        ends = Ends(writer, DataReader(self._participant, incoming, qos=qos, listener=listener), changed)
+        self._add([ends.writer], [ends.reader], listener)
         return ends
 
-    def _add(self, writers: list[Entity], readers: list[Entity]) -> None:
+    def _add(self, writers: list[Entity], readers: list[Entity], listener: Listener) -> None:
         with self._lock:
+            self._listeners.append(listener)
             self._writers += writers
             self._readers += readers
         self._tell()
@@ -212,6 +235,15 @@ class Node:
         with self._lock:
             node = NodeEntities(self.namespace, self.name, [*map(_gid, self._readers)], [*map(_gid, self._writers)])
             self._graph.write(ParticipantEntities(_gid(self._participant), [] if gone else [node]))
+
+
+def make_node(configuration: Property, name: str, report: Callable[[str], None]) -> Node:
+    """Return the node of a device, by its parameters ``namespace`` and ``domain``. Raises Ros2Error."""
+    domain = configuration.get("domain")
+    if domain is not None and not isinstance(domain, int):
+        raise Ros2Error(f"domain: {domain!r} is no number")
+    unique = f"{name}_{os.getpid()}_{next(_numbers)}"
+    return Node(unique, parameters.text(configuration, "namespace", "/"), domain=domain, report=report)
 
 
 def _gid(entity: Entity) -> Gid:

@@ -1,8 +1,8 @@
-"""Messages that have arrived at a reader, and callbacks with them. One that cannot be read is told and skipped."""
+"""What arrives at a reader, and callbacks with it: a message that cannot be read is told and skipped."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cyclonedds.core import Listener
 from cyclonedds.idl import IdlStruct
@@ -10,8 +10,11 @@ from cyclonedds.idl import IdlStruct
 from rtf.ros2.errors import MalformedMessageError
 
 if TYPE_CHECKING:
+    import threading
+    import uuid
     from collections.abc import Callable, Iterator
 
+    from cyclonedds.pub import DataWriter
     from cyclonedds.sub import DataReader
 
 
@@ -29,16 +32,48 @@ def taken(reader: DataReader[Any], report: Callable[[str], None]) -> Iterator[An
             yield found[0]
 
 
-class Arrival(Listener):
-    """Calls back with each message that has arrived, in a thread of the DDS, which an error must not end."""
+class Source(NamedTuple):
+    """Who has sent a message: a participant of the DDS, which is a program; None of one that has gone since."""
 
-    def __init__(self, callback: Callable[[Any], object], report: Callable[[str], None]) -> None:
+    reader: DataReader[Any]
+    writer: int
+
+    @property
+    def participant(self) -> uuid.UUID | None:
+        """The identifier of the participant."""
+        found = self.reader.get_matched_publication_data(self.writer)
+        return None if found is None else found.participant_key
+
+
+class Arrival(Listener):
+    """Calls back with each message and its source, in a thread of the DDS, which an error must not end."""
+
+    def __init__(self, callback: Callable[[Any, Source], object], report: Callable[[str], None]) -> None:
         super().__init__()  # type: ignore[no-untyped-call]
         self._callback, self._report = callback, report
 
-    def on_data_available(self, reader: DataReader[Any]) -> None:
+    def on_data_available(self, reader: DataReader[Any] | None) -> None:
+        if reader is None:
+            return  # it is being made
         for message in taken(reader, self._report):
             try:
-                self._callback(message)
+                self._callback(message, Source(reader, message.sample_info.publication_handle))
             except Exception as error:  # noqa: BLE001 - whatever it is, the next message is taken
                 self._report(f"{reader.topic.name}: {type(error).__name__}: {error}")
+
+
+class Changes(Listener):
+    """Sets an event whenever something has arrived, or another end has appeared or gone."""
+
+    def __init__(self, changed: threading.Event) -> None:
+        super().__init__()  # type: ignore[no-untyped-call]
+        self._changed = changed
+
+    def on_data_available(self, reader: DataReader[Any]) -> None:  # noqa: ARG002 - as the library calls it
+        self._changed.set()
+
+    def on_publication_matched(self, writer: DataWriter[Any], status: Any) -> None:  # noqa: ARG002 - likewise
+        self._changed.set()
+
+    def on_subscription_matched(self, reader: DataReader[Any], status: Any) -> None:  # noqa: ARG002 - likewise
+        self._changed.set()

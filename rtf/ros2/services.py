@@ -8,7 +8,7 @@ from __future__ import annotations
 import threading
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from cyclonedds.core import DDSException, Listener
+from cyclonedds.core import DDSException
 
 from rtf import clock
 from rtf.ros2.errors import NoServiceError, Ros2Error
@@ -26,31 +26,12 @@ T = TypeVar("T")
 _MATCHING = 0.1
 
 
-class _Changes(Listener):
-    """Sets an event whenever something has arrived, or another end has appeared or gone."""
-
-    def __init__(self, changed: threading.Event) -> None:
-        super().__init__()  # type: ignore[no-untyped-call]
-        self._changed = changed
-
-    def on_data_available(self, reader: DataReader[Any]) -> None:  # noqa: ARG002 - as the library calls it
-        self._changed.set()
-
-    def on_publication_matched(self, writer: DataWriter[Any], status: Any) -> None:  # noqa: ARG002 - likewise
-        self._changed.set()
-
-    def on_subscription_matched(self, reader: DataReader[Any], status: Any) -> None:  # noqa: ARG002 - likewise
-        self._changed.set()
-
-
 class Ends:
     """The writer and the reader of one end of a service; ``changed`` is set when something has happened to them."""
 
-    def __init__(self, make: Callable[[Listener], tuple[DataWriter[Any], DataReader[Any]]]) -> None:
-        self.changed = threading.Event()
+    def __init__(self, writer: DataWriter[Any], reader: DataReader[Any], changed: threading.Event) -> None:
+        self.writer, self.reader, self.changed = writer, reader, changed
         self.closed = False
-        self._listener = _Changes(self.changed)
-        self.writer, self.reader = make(self._listener)
 
     def close(self) -> None:
         """Have all who wait return."""
