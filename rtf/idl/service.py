@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -50,6 +50,12 @@ class RemoteFunction:
     oneway: bool = False
     doc: str = ""
     attribute: str = ""
+    _takes: tuple[Callable[[Sequence[Value], int], Any], ...] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Prepare reading of arguments of one element each, as most calls have them."""
+        simple = all(one.type.width == 1 for one in self.arguments)
+        object.__setattr__(self, "_takes", tuple(one.type.take for one in self.arguments) if simple else ())
 
     @property
     def prototype(self) -> str:
@@ -76,6 +82,8 @@ class RemoteFunction:
 
     def values(self, elements: Sequence[Value]) -> list[Any]:
         """Return the arguments in the elements of a request; optional ones may be missing. Raises BottleError."""
+        if len(elements) == len(self._takes):
+            return [take(elements, at) for at, take in enumerate(self._takes)]
         values: list[Any] = []
         at = 0
         for place, argument in enumerate(self.arguments):
@@ -213,9 +221,11 @@ class ReplyCodec(TextCodec[Bottle]):
 
     def decode_from(self, data: Buffer, dialect: Dialect) -> tuple[Bottle, int]:
         reply, end = decode_from(data, 0, dialect)
-        refused = len(reply) == 1 and reply[0] == FAILED and int32.unpack_from(data)[0] != LIST
+        refused = end == _REFUSAL and reply[0] == FAILED and int32.unpack_from(data)[0] != LIST
         return _REFUSED if refused else reply, end
 
 
+#: The bytes of a refusal: code, length and one element.
+_REFUSAL = 12
 REPLY = ReplyCodec()
 _REFUSED = Bottle([FAILED])

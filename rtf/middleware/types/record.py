@@ -37,8 +37,9 @@ OK, FAILED = Vocab("ok"), Vocab("fail")
 _COPIED = 64 << 10
 _SCALARS = (int, float, str, bytes, Vocab)
 _SHORT = 4
-_STRING = Kind.STRING.value
-_pack_double = struct.Struct("<id").pack
+_STRING, _INT32 = Kind.STRING.value, Kind.INT32.value
+_INT32_MAX = 2**31 - 1
+_pack_double, _pack_int = struct.Struct("<id").pack, struct.Struct("<ii").pack
 
 
 class RecordCodec(TextCodec["Record"]):
@@ -75,6 +76,9 @@ def _put_all(values: Iterable[object], blocks: list[Buffer], dialect: Dialect) -
         elif type(value) is str:
             text = utf8(value)
             blocks += pair.pack(_STRING, len(text)), text
+            count += 1
+        elif type(value) is int and -_INT32_MAX <= value <= _INT32_MAX:
+            blocks.append(_pack_int(_INT32, value))
             count += 1
         else:
             count += _put(value, blocks, dialect)
