@@ -26,7 +26,7 @@ examples:
   testrunner my_test.py --set speed=20                   one test, with a parameter
   testrunner my_suites -r -j 2 --junit out.xml           all suites of a folder, two at a time
   testrunner                                             what rtf.toml says
-  testrunner --resume rtf-runs/latest                    only what an interrupted run still owes
+  testrunner --resume rtf-runs/latest                    only the tests that an interrupted run has not done
 
 {EXIT_CODES}"""
 
@@ -88,7 +88,7 @@ def _what(group: argparse._ArgumentGroup) -> None:
     group.add_argument("-e", "--environment", metavar="STRING", default="", help="environment string for --test")
     group.add_argument("--repetition", metavar="N", type=count, help="run the body of each test N more times")
     add_reading_options(group)
-    group.add_argument("--resume", metavar="RUN", help="go on with an interrupted run: only what it still owes")
+    group.add_argument("--resume", metavar="RUN", help="go on with an interrupted run: only the tests that are not done")
 
 
 def add_reading_options(group: argparse._ActionsContainer) -> None:
