@@ -88,7 +88,7 @@ def _what(group: argparse._ArgumentGroup) -> None:
     group.add_argument("-e", "--environment", metavar="STRING", default="", help="environment string for --test")
     group.add_argument("--repetition", metavar="N", type=count, help="run the body of each test N more times")
     add_reading_options(group)
-    group.add_argument("--resume", metavar="RUN", help="go on with an interrupted run: only the tests that are not done")
+    group.add_argument("--resume", metavar="RUN", help="go on with an interrupted run: the tests that are not done")
 
 
 def add_reading_options(group: argparse._ActionsContainer) -> None:
