@@ -20,7 +20,12 @@ def add_options(parser: Parser) -> None:
     parser.add_argument("--robot", metavar="NAME", default="icub", help="the beginning of its ports (default: icub)")
     parser.add_argument("--parts", metavar="A,B", default="", help="its parts, such as left_arm,head")
     parser.add_argument("--rate", metavar="HZ", type=float, default=100.0, help="of the states (default: 100)")
-    for option, what in (("--image", "a port of pictures"), ("--wrench", "a port of a force-torque sensor")):
+    sources = {
+        "--image": "a port of pictures",
+        "--wrench": "a port of a force-torque sensor",
+        "--imu": "a port of an inertial unit, such as /icub/inertial",
+    }
+    for option, what in sources.items():
         parser.add_argument(
             option, metavar="/PORT=TOPIC", type=_pair, action="append", default=[], help=f"{what}, and its topic"
         )
@@ -30,8 +35,8 @@ def add_options(parser: Parser) -> None:
 
 def check_options(parser: Parser, options: argparse.Namespace) -> None:
     """End with the usage if there is nothing to publish."""
-    if not (options.parts or options.image or options.wrench):
-        parser.error("nothing to publish: name --parts, --image or --wrench")
+    if not (options.parts or options.image or options.wrench or options.imu):
+        parser.error("nothing to publish: name --parts, --image, --wrench or --imu")
 
 
 def publish_until_signal(
@@ -71,6 +76,8 @@ def _add_sources(
         bridge.add_camera(source, topic)
     for source, topic in options.wrench:
         bridge.add_wrench(source, topic)
+    for source, topic in options.imu:
+        bridge.add_imu(source, topic)
     opened.callback(bridge.close)  # before the boards
     return boards
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _EPILOG = """\
 It publishes only; nothing is moved. Programs of ROS 1 find the topics at the master of ROS_MASTER_URI:
   /joint_states   the parts that are named, in rad and m
-  TOPIC           pictures (sensor_msgs/Image), and forces (geometry_msgs/WrenchStamped)
+  TOPIC           pictures (sensor_msgs/Image), forces (geometry_msgs/WrenchStamped), inertial units (Imu)
   /clock          of a simulation whose clock this program has (YARP_CLOCK)
 Other machines reach this one at ROS_HOSTNAME or ROS_IP; without them, only this machine does.
 

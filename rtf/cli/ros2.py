@@ -22,7 +22,7 @@ _EPILOG = """\
 ROS 2 programs of this machine find the topics in the domain of ROS_DOMAIN_ID:
   /joint_states       the parts that are named, in rad and m
   /robot_description  their limits, or the URDF of --description
-  TOPIC               pictures (sensor_msgs/Image), and forces (geometry_msgs/WrenchStamped)
+  TOPIC               pictures (sensor_msgs/Image), forces (geometry_msgs/WrenchStamped), inertial units (Imu)
   /clock              of a simulation whose clock this program has (YARP_CLOCK)
 With --commands the parts obey, too; otherwise nothing is moved. PART_position_controller/commands, and those of
 velocity and effort, take std_msgs/Float64MultiArray, PART_trajectory_controller/joint_trajectory takes

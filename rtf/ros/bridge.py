@@ -17,7 +17,7 @@ from rtf.middleware.ports import remote
 from rtf.middleware.ports.port import Port
 from rtf.middleware.wire.contact import Contact
 from rtf.ros.errors import RosError
-from rtf.ros.robot import PartStates, force_of, picture_of
+from rtf.ros.robot import PartStates, force_of, inertia_of, picture_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -66,6 +66,10 @@ class RobotBridge:
     def add_wrench(self, source: str, topic: str) -> None:
         """Publish the forces and torques of a port of an analogue sensor: six numbers. Raises as above."""
         self._listen(source, topic, force_of, self._topics.forces(topic))
+
+    def add_imu(self, source: str, topic: str) -> None:
+        """Publish what a port of an inertial unit sends: twelve numbers. Raises as above."""
+        self._listen(source, topic, inertia_of, self._topics.inertias(topic))
 
     def start(self) -> None:
         """Begin to publish states."""

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 #: Pixel formats of YARP, and their encodings in ROS.
 _ENCODINGS = {"rgb": "rgb8", "bgr": "bgr8", "rgba": "rgba8", "mono": "mono8", "mo16": "mono16", "dec": "32FC1"}
-_WRENCH = 6
+_WRENCH, _INERTIAL = 6, 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +64,17 @@ class Force:
     values: list[float]
 
 
+@dataclass(frozen=True, slots=True)
+class Inertia:
+    """What an inertial unit measures at a time (s): a unit quaternion x, y, z, w; rad/s; m/s²."""
+
+    time: float
+    frame: str
+    orientation: list[float]
+    speed: list[float]
+    acceleration: list[float]
+
+
 class RobotTopics(Protocol):
     """The topics of a node. Each function makes a publisher. Those raise RosError, and so do publishers."""
 
@@ -75,6 +86,9 @@ class RobotTopics(Protocol):
 
     def forces(self, topic: str) -> Callable[[Force], object]:
         """Publish ``geometry_msgs/WrenchStamped``."""
+
+    def inertias(self, topic: str) -> Callable[[Inertia], object]:
+        """Publish ``sensor_msgs/Imu``."""
 
     def times(self, topic: str) -> Callable[[float], object]:
         """Publish ``rosgraph_msgs/Clock``."""
@@ -136,6 +150,28 @@ def force_of(message: IncomingMessage, source: str, frame: str) -> Force:
     if len(values) != _WRENCH:
         raise RosError(f"{source}: {len(values)} numbers are no force and torque")
     return Force(_time_of(message), frame, values)
+
+
+def inertia_of(message: IncomingMessage, source: str, frame: str) -> Inertia:
+    """Return what a port ``inertial`` has sent: twelve numbers, in the order of YARP's. Raises as above."""
+    values = [as_float(value) for value in message.read()]
+    if len(values) != _INERTIAL:
+        raise RosError(f"{source}: {len(values)} numbers are no orientation, acceleration, speed and magnetic field")
+    turn = quaternion_of(*values[:3])
+    return Inertia(_time_of(message), frame, turn, np.radians(values[6:9]).tolist(), values[3:6])
+
+
+def quaternion_of(roll: float, pitch: float, yaw: float) -> list[float]:
+    """Return the quaternion x, y, z, w of angles in deg: about x, then about y, then about z, as fixed axes."""
+    (r, p, y), (a, b, c) = (
+        [function(math.radians(angle) / 2) for angle in (roll, pitch, yaw)] for function in (math.sin, math.cos)
+    )
+    return [
+        r * b * c - a * p * y,
+        a * p * c + r * b * y,
+        a * b * y - r * p * c,
+        a * b * c + r * p * y,
+    ]
 
 
 def _time_of(message: IncomingMessage) -> float:

@@ -6,13 +6,13 @@ from itertools import count
 from typing import TYPE_CHECKING, Any
 
 from rtf.ros import bridge
-from rtf.ros1.messages import Clock, Header, Image, JointState, Vector3, Wrench, WrenchStamped, time_of
+from rtf.ros1.messages import Clock, Header, Image, Imu, JointState, Quaternion, Vector3, Wrench, WrenchStamped, time_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from rtf.middleware.ports.network import Network
-    from rtf.ros.robot import Force, JointStates, Picture
+    from rtf.ros.robot import Force, Inertia, JointStates, Picture
     from rtf.ros1.node import Node
 
 
@@ -50,6 +50,19 @@ class Topics:
         def publish(force: Force) -> None:
             wrench = Wrench(Vector3(*force.values[:3]), Vector3(*force.values[3:]))
             publisher.publish(WrenchStamped(_header(numbers, force.time, force.frame), wrench))
+
+        return publish
+
+    def inertias(self, topic: str) -> Callable[[Inertia], None]:
+        """Publish what inertial units measure."""
+        publisher, numbers = self._node.publisher(topic, Imu), count()
+
+        def publish(inertia: Inertia) -> None:
+            header = _header(numbers, inertia.time, inertia.frame)
+            turn, speed = Quaternion(*inertia.orientation), Vector3(*inertia.speed)
+            publisher.publish(
+                Imu(header, turn, angular_velocity=speed, linear_acceleration=Vector3(*inertia.acceleration))
+            )
 
         return publish
 

@@ -59,7 +59,7 @@ class Peers:
             stream.limit_waiting(_PATIENCE)
             kept = self._accept(stream.run(read_header(stream)), stream)
         except PeerError as error:
-            self._contents.report(str(error))
+            self._contents.report(f"{self._contents.path}: a connection from {_name(stream)}: {error}")
             with contextlib.suppress(MiddlewareError):  # it has gone
                 stream.send_bytes(encode_header({"error": str(error)}))
         except (MiddlewareError, OSError):
@@ -85,3 +85,12 @@ class Peers:
             )
         server.accept(header, stream)
         return False
+
+
+def _name(stream: Stream) -> str:
+    """Return the address of a peer, for messages."""
+    try:
+        host, port = stream.socket.getpeername()[:2]
+    except OSError:
+        return "somebody who has gone"
+    return f"{host}:{port}"

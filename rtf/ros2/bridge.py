@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rtf.ros import bridge
-from rtf.ros2.messages import Clock, Header, Image, JointState, Time, Vector3, Wrench, WrenchStamped
+from rtf.ros2.messages import Clock, Header, Image, Imu, JointState, Quaternion, Time, Vector3, Wrench, WrenchStamped
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from rtf.middleware.ports.network import Network
-    from rtf.ros.robot import Force, JointStates, Picture
+    from rtf.ros.robot import Force, Inertia, JointStates, Picture
     from rtf.ros2.node import Node
 
 
@@ -49,6 +49,19 @@ class Topics:
         def publish(force: Force) -> None:
             wrench = Wrench(Vector3(*force.values[:3]), Vector3(*force.values[3:]))
             publisher.publish(WrenchStamped(_header(force.time, force.frame), wrench))
+
+        return publish
+
+    def inertias(self, topic: str) -> Callable[[Inertia], None]:
+        """Publish what inertial units measure."""
+        publisher = self._node.publisher(topic, Imu)
+
+        def publish(inertia: Inertia) -> None:
+            header = _header(inertia.time, inertia.frame)
+            turn, speed = Quaternion(*inertia.orientation), Vector3(*inertia.speed)
+            publisher.publish(
+                Imu(header, turn, angular_velocity=speed, linear_acceleration=Vector3(*inertia.acceleration))
+            )
 
         return publish
 

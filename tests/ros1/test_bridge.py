@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from rtf import clock
 from rtf.bottle import Bottle
@@ -15,8 +17,9 @@ from rtf.middleware.ports.port import Port
 from rtf.middleware.types import Image as Picture
 from rtf.robot.boards.client import connect
 from rtf.robot.devices.fake_board import FakeBoard
+from rtf.ros.robot import quaternion_of
 from rtf.ros1.bridge import RobotBridge
-from rtf.ros1.messages import Image, JointState, WrenchStamped, seconds_of, time_of
+from rtf.ros1.messages import Image, Imu, JointState, WrenchStamped, seconds_of, time_of
 from served import served
 from waiting import eventually
 
@@ -81,6 +84,46 @@ def test_pictures_and_forces_are_passed_on(node: Callable[..., Node], network: N
     assert bytes(image.data) == pixels.tobytes()
     assert (seconds_of(image.header.stamp), image.header.frame_id) == (12.5, "camera")
     assert (wrench.wrench.force.z, wrench.wrench.torque.z, seconds_of(wrench.header.stamp)) == (3.0, 6.0, 13.25)
+
+
+def test_inertial_units_are_passed_on(node: Callable[..., Node], network: Network, said: list[str]):
+    """Orientation as a quaternion, rad/s; what is none is told once."""
+    got: list[Any] = []
+    network.report = said.append
+    node("listener").subscribe("/head/imu", Imu, got.append)
+    with Port("/inertial", network=network) as unit, closing(RobotBridge(node("bridge"), network)) as bridge:
+        bridge.add_imu("/inertial", "head/imu")
+
+        def arrived() -> bool:
+            unit.write(Bottle([1.0, 2.0]))
+            unit.write(Bottle([0.0, 0.0, 90.0, 1.0, 2.0, 9.8, 0.0, 0.0, 180.0, 0.0, 0.0, 0.0]), envelope="1 7.5")
+            return bool(got)
+
+        eventually(arrived, "nothing arrived")
+    assert said == ["/inertial: 2 numbers are no orientation, acceleration, speed and magnetic field"]
+    one = got[0]
+    assert (one.header.frame_id, seconds_of(one.header.stamp)) == ("head", 7.5)
+    half = math.sqrt(0.5)
+    assert [one.orientation.z, one.orientation.w] == pytest.approx([half, half])
+    assert (one.angular_velocity.z, one.linear_acceleration.z) == (pytest.approx(math.pi), 9.8)
+
+
+@given(*[st.floats(-180, 180)] * 3)
+def test_quaternions_turn_as_the_angles_do(roll: float, pitch: float, yaw: float):
+    """First about x, then about y, then about z."""
+    x, y, z, w = quaternion_of(roll, pitch, yaw)
+    turned = np.eye(3) + 2 * w * _cross([x, y, z]) + 2 * _cross([x, y, z]) @ _cross([x, y, z])
+    (sr, cr), (sp, cp), (sy, cy) = ((math.sin(one), math.cos(one)) for one in np.radians([roll, pitch, yaw]))
+    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    assert turned == pytest.approx(about_z @ about_y @ about_x, abs=1e-9)
+
+
+def _cross(axis: list[float]) -> np.ndarray:
+    """The matrix that multiplies crosswise."""
+    x, y, z = axis
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 @pytest.mark.parametrize("seconds", [0.0, 1.5, 1.8e9, 2.0**31 - 1])

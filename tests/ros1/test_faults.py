@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import struct
 import threading
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from ros1.test_types import nested
 
 from rtf.middleware.carriers.stream import Stream
 from rtf.ros1 import xml_rpc
 from rtf.ros1.errors import NoServiceError, PeerError
+from rtf.ros1.master import call_node
 from rtf.ros1.tcpros import encode_header, frame, read_header
 from rtf.ros1.types import message_type, service_type
 from waiting import eventually
@@ -242,3 +246,18 @@ def test_a_master_that_dies_and_returns(ros: Ros, node: Callable[..., Node], sai
     eventually(lambda: chatter.subscribers == 2, "the late one did not find it")
     assert late.client("beep", TRIGGER).call() == TRIGGER.response()
     assert len(said) == 4
+
+
+def test_any_bytes_end_their_connection_only(node: Callable[..., Node]):
+    """On both of its sockets; the node answers as before."""
+    talker = node("talker")
+
+    @given(st.lists(st.binary(max_size=60), max_size=4))
+    def check(data: list[bytes]) -> None:
+        for port in (talker._contents.tcpros[1], talker._server.port):
+            with socket.create_connection(("127.0.0.1", port)) as peer, suppress(OSError):
+                for piece in data:
+                    peer.sendall(piece)
+        assert call_node(talker._contents.uri, "getPid", "/tests") == os.getpid()
+
+    check()

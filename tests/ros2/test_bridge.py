@@ -17,7 +17,7 @@ from rtf.robot.boards.client import connect
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.ros.errors import RosError
 from rtf.ros2.bridge import RobotBridge
-from rtf.ros2.messages import Image, JointState, WrenchStamped
+from rtf.ros2.messages import Image, Imu, JointState, WrenchStamped
 from served import served
 from waiting import eventually
 
@@ -77,6 +77,23 @@ def test_pictures_and_forces_are_passed_on(node: Callable[..., Node], network: N
     assert bytes(image.data) == pixels.tobytes()
     assert (image.header.stamp.seconds, image.header.frame_id) == (12.5, "camera")
     assert (wrench.wrench.force.z, wrench.wrench.torque.z, wrench.header.stamp.seconds) == (3.0, 6.0, 13.25)
+
+
+def test_inertial_units_are_passed_on(node: Callable[..., Node], network: Network):
+    """Orientation as a quaternion, rad/s."""
+    got: list[Imu] = []
+    node("listener").subscribe("/head/imu", Imu, got.append)
+    with Port("/inertial", network=network) as unit, closing(RobotBridge(node("bridge"), network)) as bridge:
+        bridge.add_imu("/inertial", "head/imu")
+
+        def arrived() -> bool:
+            unit.write(Bottle([0.0, 0.0, 180.0, 1.0, 2.0, 9.8, 0.0, 0.0, 90.0, 0.0, 0.0, 0.0]), envelope="1 7.5")
+            return bool(got)
+
+        eventually(arrived, "nothing arrived")
+    one = got[0]
+    assert (one.header.frame_id, one.header.stamp.seconds, one.linear_acceleration.z) == ("head", 7.5, 9.8)
+    assert (one.orientation.z, one.angular_velocity.z) == (pytest.approx(1.0), pytest.approx(math.pi / 2))
 
 
 def test_what_cannot_be_published_is_told_once(node: Callable[..., Node], network: Network):
