@@ -85,6 +85,7 @@ SHIPPED: Mapping[str, str] = {
         "rtf.ros1.devices",
         controlBoard_nws_ros="ControlBoardTopic",
         frameGrabber_nws_ros="FrameGrabberTopic",
+        imu_nws_ros="ImuTopic",
         wrenchStamped_nws_ros="WrenchTopic",
     ),
     "ros2ControlBoard": "rtf.ros2.board:Ros2Board",

@@ -11,13 +11,15 @@ from contextlib import ExitStack
 from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
+
 from rtf.bottle import as_string
 from rtf.robot import parameters
 from rtf.robot.errors import ConfigurationError, DeviceError
-from rtf.robot.interfaces import IAnalogSensor, IAxisInfo, IFrameGrabber
+from rtf.robot.interfaces import IAnalogSensor, IAxisInfo, IFrameGrabber, IMultipleAnalogSensors, SensorCategory
 from rtf.robot.network.publishing_device import SHORTEST, PublishingDevice
 from rtf.ros.errors import RosError
-from rtf.ros.robot import Force, PartStates, picture_from
+from rtf.ros.robot import Force, Inertia, PartStates, picture_from, quaternion_of
 from rtf.ros1.bridge import Topics
 from rtf.ros1.nodes import shared_node
 
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
     from rtf.ros.robot import JointStates
 
 _WRENCH = 6
+_IMU = SensorCategory.ORIENTATION, SensorCategory.GYROSCOPE, SensorCategory.ACCELEROMETER
 
 
 class TopicServer:
@@ -134,6 +137,24 @@ class WrenchTopic(TopicDevice):
         def publish(_now: float) -> None:
             reading = sensor.read()
             send(Force(reading.time, self.frame, reading.values.tolist()))
+
+        return publish
+
+
+class ImuTopic(TopicDevice):
+    """``imu_nws_ros``: the first orientation, gyroscope and accelerometer of a device as ``sensor_msgs/Imu``."""
+
+    def reader(self, device: Device, topics: Topics) -> Callable[[float], None]:
+        sensors = device.view(IMultipleAnalogSensors)  # type: ignore[type-abstract]  # it is only looked for
+        missing = [one.name for one in _IMU if not sensors.sensors(one)]
+        if missing:
+            raise ConfigurationError(f"{self.name}: there is no {' and no '.join(missing)}")
+        send = topics.inertias(self.topic)
+
+        def publish(_now: float) -> None:
+            angles, speed, acceleration = (sensors.read_sensor(one, 0) for one in _IMU)
+            turn, radians = quaternion_of(*angles.values), np.radians(speed.values).tolist()
+            send(Inertia(angles.time, self.frame, turn, radians, acceleration.values.tolist()))
 
         return publish
 

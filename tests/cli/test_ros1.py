@@ -1,4 +1,4 @@
-"""``rtf ros1``: a robot on a topic until a signal; what it refuses, and what it says without a master or without the package."""
+"""``rtf ros1``: a robot on a topic until a signal; what it refuses, and what it says without a master or rosbags."""
 
 from __future__ import annotations
 
@@ -67,14 +67,13 @@ def test_without_rosbags_it_says_what_to_install():
 def test_a_robot_is_published_until_a_signal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """All states of a part; then the topic is gone."""
     ros = Ros(str(tmp_path))
-    ros.start()
     monkeypatch.setenv("YARP_CONFIG_HOME", str(tmp_path))
     for name in ("YARP_NAMESPACE", "YARP_PORT_PREFIX", "YARP_CLOCK", "RTF_CLOCK", "ROS_HOSTNAME"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("ROS_MASTER_URI", ros.uri)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
     got: list[Any] = []
-    with NameServer() as server, Node("listener") as listener:
+    with ros.at_work(), NameServer() as server, Node("listener") as listener:
         configuration.write_place(server.contact)
         network = Network(configuration.find_names())
         listener.subscribe("/lab/joint_states", JointState, got.append)
@@ -89,4 +88,3 @@ def test_a_robot_is_published_until_a_signal(tmp_path: Path, monkeypatch: pytest
                 assert program.stderr.read() == "SIGTERM: ends\n"
             assert program.returncode == 0
         assert not [one for one in listener.master.call("getSystemState")[0] if one[0] == "/lab/joint_states"]
-    ros.stop()

@@ -50,6 +50,15 @@ class Ros:
         self.master.kill()
         self.master.communicate()
 
+    @contextmanager
+    def at_work(self) -> Iterator[None]:
+        """Have the master within a block."""
+        self.start()
+        try:
+            yield
+        finally:
+            self.stop()
+
     def begin(self, *command: str) -> subprocess.Popen[str]:
         """Start a program."""
         return subprocess.Popen(command, env=self.environment, stdin=-3, stdout=-1, stderr=-2, text=True)
@@ -84,9 +93,8 @@ def ros() -> Iterator[Ros]:
     """A system of ROS 1 on this machine."""
     with tempfile.TemporaryDirectory() as home:
         system = Ros(home)
-        system.start()
-        yield system
-        system.stop()
+        with system.at_work():
+            yield system
 
 
 @pytest.fixture

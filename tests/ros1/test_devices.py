@@ -13,7 +13,7 @@ from rtf.middleware.ports import remote
 from rtf.middleware.wire.contact import Contact
 from rtf.robot.device import Device, make_device
 from rtf.robot.errors import ConfigurationError, DeviceError
-from rtf.ros1.messages import Image, JointState, WrenchStamped, seconds_of
+from rtf.ros1.messages import Image, Imu, JointState, WrenchStamped, seconds_of
 from waiting import eventually
 
 if TYPE_CHECKING:
@@ -80,25 +80,31 @@ def test_a_board_may_be_on_the_topic_only(node: Callable[..., Node], network: Ne
         assert published == [["/joint_states", ["/lab/robot"]]]
 
 
-def test_pictures_and_forces_are_on_topics(node: Callable[..., Node], network: Network):
-    """With their frames and times."""
+def test_sensors_are_on_topics(node: Callable[..., Node], network: Network):
+    """Pictures, forces and inertial units, with their frames and times."""
+    imus: list[Any] = []
     images: list[Any] = []
     wrenches: list[Any] = []
     listener = node("listener")
     listener.subscribe("/eye", Image, images.append)
     listener.subscribe("/foot", WrenchStamped, wrenches.append)
+    listener.subscribe("/imu", Imu, imus.append)
+    imu = "(name /imu) " + GROUP.format("only", "/imu", "/lab/imu", "(frame_id head)")
     eye = "(name /cam) " + GROUP.format("true", "/eye", "/lab/eye", "(frame_id eye)")
     foot = "(name /foot) " + GROUP.format("true", "/foot", "/lab/foot", "(frame_id foot)")
     with (
         attached(network, "frameGrabber_nws_yarp", "fakeFrameGrabber", eye),
         attached(network, "analogServer", "fakeAnalogSensor", foot),
+        attached(network, "inertial", "fakeIMU", imu),
     ):
-        eventually(lambda: len(images) > 1 and wrenches, "they did not arrive")
+        eventually(lambda: len(images) > 1 and wrenches and imus, "they did not arrive")
     assert (images[0].header.frame_id, images[0].encoding) == ("eye", "rgb8")
     assert len(images[0].data) == images[0].height * images[0].step > 0
     stamps = [seconds_of(one.header.stamp) for one in images]
     assert stamps == sorted(set(stamps))
-    assert wrenches[0].header.frame_id == "foot"
+    assert (wrenches[0].header.frame_id, imus[0].header.frame_id) == ("foot", "head")
+    turn = imus[0].orientation
+    assert turn.x**2 + turn.y**2 + turn.z**2 + turn.w**2 == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(

@@ -89,6 +89,7 @@ class InertialDevice(PublishingDevice):
     """``inertial``: the server as a device; ``period`` in s (default 0.005), ``strict`` to skip no message."""
 
     default_period = 0.005
+    ros_device, ros_message = "imu_nws_ros", "sensor_msgs/Imu"
 
     def configure(self, configuration: Property) -> None:
         self._strict = parameters.flag(configuration, "strict")
