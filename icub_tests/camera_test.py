@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from rtf.middleware.types import Image
-    from rtf.robot_testing.streams.port_recorder import Message
+    from rtf.robot_testing.streams.message import Message
 
 #: Angle and speed of the simulated eyes' motion that changes the picture, deg and deg/s; and the speed beyond which
 #: each picture has to differ: a third of a pixel (60 deg in 320) in the 33 ms between two.

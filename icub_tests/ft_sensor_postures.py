@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Part
-    from rtf.robot_testing.streams.port_recorder import Message
+    from rtf.robot_testing.streams.message import Message
 
 _ENDING = "/analog:o"
 _AXES = "xyz"

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Part, Trace
     from rtf.robot_testing.judging.kinematics import KinematicModel
-    from rtf.robot_testing.streams.port_recorder import Message
+    from rtf.robot_testing.streams.message import Message
 
 _GRAVITY = 9.81
 _SHARE = 0.8  # share of the commanded motion that is required

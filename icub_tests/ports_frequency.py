@@ -21,13 +21,15 @@ class _Expected(NamedTuple):
     rate: float
     tolerance: float
     optional: bool
+    topic: bool = False
 
 
 class PortsFrequency(RateTest):
     """Records many ports at the same time, and judges rate, jitter, gaps, losses and duplicates of each.
 
     By default these are all states and sensors of the robot that are registered at the name server. Rates are by the
-    stamps of the sender, so the real-time factor of a simulation does not matter.
+    stamps of the sender, so the real-time factor of a simulation does not matter. Messages on topics of ROS 2 have no
+    numbers: what is lost shows as a gap.
     """
 
     aliases = ("PortFrequencyTest", "portsFrequency", "ports-frequency", "PortFrequency")
@@ -38,6 +40,10 @@ class PortsFrequency(RateTest):
         Bottle, "the ports: (name rate tolerance) in Hz, with the word optional if it may be missing", default=Bottle(),
         key="PORTS", aliases=("ports",),
     )  # fmt: skip
+    topics = Parameter(
+        Bottle, "topics of ROS 2 in the domain of ROS_DOMAIN_ID, in the same form; without ports these alone",
+        default=Bottle(), key="TOPICS", aliases=("topics",),
+    )  # fmt: skip
     time = Parameter(float, "how long each is judged", unit="s", default=2.0, low=0.1)
     frequency = Parameter(float, "the default rate of a port", unit="Hz", default=100.0, low=0.01)
     # As in the parameter files of the iCub.
@@ -45,11 +51,14 @@ class PortsFrequency(RateTest):
 
     def parameter_problems(self) -> list[str]:
         """Add the errors of a section [PORTS] that is empty, or has a wrong line."""
-        problems = [problem for line in self.lines(self.ports) for problem in _wrong_line(line)]
-        source = self.parameter_source("PORTS")
-        if not len(self.ports) and source != "default":
-            problems.append("[PORTS] names no port; leave it out, and all streams of the robot are judged")
-        return [*(f"{problem} ({source})" for problem in problems), *super().parameter_problems()]
+        problems = []
+        for section, group in (("PORTS", self.ports), ("TOPICS", self.topics)):
+            source = self.parameter_source(section)
+            found = [problem for line in self.lines(group) for problem in _wrong_line(line, section)]
+            if not len(group) and source != "default":
+                found.append(f"[{section}] names nothing; leave it out, and all streams of the robot are judged")
+            problems += [f"{problem} ({source})" for problem in found]
+        return [*problems, *super().parameter_problems()]
 
     def setup(self) -> None:
         """Choose the ports."""
@@ -64,16 +73,17 @@ class PortsFrequency(RateTest):
     def _expected(self) -> list[_Expected]:
         if self.port:
             return [_Expected(self.port, self.frequency, self.tolerance, optional=False)]
-        if len(self.ports):
+        if len(self.ports) or len(self.topics):
             return [
-                _Expected(str(name), as_float(rate), as_float(tolerance), optional=bool(words))
-                for name, rate, tolerance, *words in self.lines(self.ports)
+                _Expected(str(name), as_float(rate), as_float(tolerance), optional=bool(words), topic=topic)
+                for group, topic in ((self.ports, False), (self.topics, True))
+                for name, rate, tolerance, *words in self.lines(group)
             ]
         return [_Expected(name, self.frequency, self.tolerance, optional=False) for name in self.known_ports(*_ENDINGS)]
 
     def run(self) -> None:
         """Record all ports, and judge each."""
-        there = [one for one in self.expected if self.open_stream(one.name, optional=one.optional)]
+        there = [one for one in self.expected if self.open_stream(one.name, optional=one.optional, topic=one.topic)]
         if there:
             self.listen(self.time)
         for place, one in enumerate(there):
@@ -83,13 +93,13 @@ class PortsFrequency(RateTest):
                 self.judge(found, one.rate, one.tolerance)
 
 
-def _wrong_line(parts: list[Value]) -> list[str]:
-    """Return the errors of a line of [PORTS]."""
+def _wrong_line(parts: list[Value], section: str) -> list[str]:
+    """Return the errors of a line of [PORTS] or [TOPICS]."""
     numbers = [float(part) for part in parts[1:3] if isinstance(part, int | float)]
     if not parts or not isinstance(parts[0], str) or len(numbers) != 2 or parts[3:] not in ([], [_OPTIONAL]):  # noqa: PLR2004
         hint = f"a line has a port, its rate and tolerance in Hz, and optionally the word {_OPTIONAL}, such as: "
-        return [f"[PORTS] {Bottle(parts).to_text()}: {hint}/icub/head/state:o 100 5"]
+        return [f"[{section}] {Bottle(parts).to_text()}: {hint}/icub/head/state:o 100 5"]
     rate, tolerance = numbers
     if not rate > 0 or not tolerance >= 0:
-        return [f"[PORTS] {parts[0]}: {rate:g} Hz with a tolerance of {tolerance:g} Hz is not a valid rate"]
+        return [f"[{section}] {parts[0]}: {rate:g} Hz with a tolerance of {tolerance:g} Hz is not a valid rate"]
     return []

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from rtf.bottle import Value
     from rtf.middleware.types import Image
     from rtf.robot.interfaces import Intrinsics
-    from rtf.robot_testing.streams.port_recorder import Message
+    from rtf.robot_testing.streams.message import Message
 
 #: Half the side of the square of pixels whose median is the depth of a known place.
 _HALF = 2

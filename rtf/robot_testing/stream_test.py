@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rtf.bottle import Value
-    from rtf.robot_testing.streams.port_recorder import Message
+    from rtf.robot_testing.streams.message import Message
 
 #: Time for which the recording continues after the judged window, s: late messages must not count as lost.
 _GRACE = 0.3
@@ -87,13 +87,16 @@ class StreamTest(RobotTest):
         rows = first if len(group) == 1 and isinstance(first, Bottle) and isinstance(first.get(0), Bottle) else group
         return [[*row] if isinstance(row, Bottle) else [row] for row in rows]
 
-    def open_stream(self, name: str, *, optional: bool = False, keep: bool = False) -> bool:
-        """Record one more port; return whether it exists.
+    def open_stream(self, name: str, *, optional: bool = False, keep: bool = False, topic: bool = False) -> bool:
+        """Record one more port, or a ``topic`` of ROS 2; return whether it exists.
 
-        A missing port fails its sub-result, unless it is optional.
+        A missing one fails its sub-result, unless it is optional.
         """
         try:
-            self.listener.add(name, keep=keep)
+            if topic:
+                self.listener.add_topic(name, self.warn)
+            else:
+                self.listener.add(name, keep=keep)
         except RtfError as error:
             with self.subresult(name):
                 if optional:

@@ -40,7 +40,7 @@ FILES = {
     "too_few_targets": ("part head\njoints 3\ntarget 5 5\n", 3, "target has 2 values; give one, or one for each"),
     "small_matrix": ("joints (0 1 2)\nmatrix (1 0 0 1)\n", 2, "matrix has 4 numbers; 3 joints need 9"),
     "no_rate": ("[PORTS]\n/bot/head/state:o 100\n", 1, "a line has a port, its rate and tolerance in Hz"),
-    "no_ports": ("time 1\n\n[PORTS]\n", 3, "[PORTS] names no port; leave it out"),
+    "no_ports": ("time 1\n\n[PORTS]\n", 3, "[PORTS] names nothing; leave it out"),
     "no_such_fault": ("part head\ninject nonsense\n", 2, "inject: there is no fault 'nonsense'; there are jam, "),
     "no_such_victim": ('part head\ninject "jam neck_yow"\n', 2, "has no joint 'neck_yow'; did you mean 'neck_yaw'?"),
     "no_such_number": ('inject "jam l_elbow force=3"\n', 1, "jam has no parameter force; its parameters: torque"),

@@ -11,7 +11,7 @@ from rtf.robot.errors import RefusedError, StaleStateError
 from rtf.robot_testing import RobotTest
 from rtf.robot_testing.judging import real_time_checks
 from rtf.robot_testing.stream_test import RateTest
-from rtf.robot_testing.streams.port_recorder import Message
+from rtf.robot_testing.streams.message import Message
 from rtf.testing.session import Session
 from rtf.testing.verdict import Inconclusive, MeasurementVerdict, Verdict
 

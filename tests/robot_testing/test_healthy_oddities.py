@@ -17,7 +17,7 @@ from rtf.robot_testing.judging.orientations import each_once, turns_of
 from rtf.robot_testing.motion.joint_swings import Ends, JointSwinger
 from rtf.robot_testing.motion.routines import run_to_end
 from rtf.robot_testing.robot_test import RobotTest
-from rtf.robot_testing.streams.port_recorder import Message
+from rtf.robot_testing.streams.message import Message
 from rtf.testing.verdict import Inconclusive, TestFailure, TestProblem
 
 from .kept_test import kept_test

@@ -9,9 +9,8 @@ from __future__ import annotations
 import math
 import zlib
 from contextlib import ExitStack, suppress
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, Protocol, Self
 
-from rtf.bottle import Dialect
 from rtf.errors import RtfError
 from rtf.middleware.clocks.network_clock import LockstepClock
 from rtf.middleware.ports import remote
@@ -20,6 +19,7 @@ from rtf.middleware.types import Stamp
 from rtf.middleware.types.codecs import BOTTLE, RAW
 from rtf.middleware.wire.contact import Contact
 from rtf.robot_testing.judging.real_time_checks import CpuPressure
+from rtf.robot_testing.streams.message import Message
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -37,33 +37,6 @@ _LONG_STEP = 0.05
 _STALL = 0.02
 #: Most bytes that a recorder keeps; the pictures of a camera are not meant to be kept.
 _MOST_KEPT = 1 << 28
-
-
-class Message(NamedTuple):
-    """A recorded message: number and time of its stamp (-1 and NaN without one), arrival time, and size in bytes.
-
-    Times are of the robot's clock, in s. ``digest`` is equal for equal contents. ``content`` is the result of the
-    recorder's ``look``, or the bytes if they are kept, or None. ``dialect`` is that of the connection, for bytes that
-    are kept.
-    """
-
-    number: int
-    time: float
-    arrival: float
-    size: int
-    digest: int
-    content: object
-    dialect: Dialect = Dialect.YARP3
-
-    @property
-    def data(self) -> bytes:
-        """The bytes; empty if they were not kept."""
-        return self.content if isinstance(self.content, bytes) else b""
-
-    @property
-    def moment(self) -> float:
-        """The time of the stamp; the arrival time without a stamp."""
-        return self.arrival if math.isnan(self.time) else self.time
 
 
 class PortRecorder:
@@ -123,6 +96,16 @@ class PortRecorder:
         self._port.close()
 
 
+class Recorder(Protocol):
+    """The recorder of a stream."""
+
+    messages: list[Message]
+    problems: list[str]
+
+    def close(self) -> None:
+        """End the recording."""
+
+
 class Listener:
     """Recorder of many ports at the same time; ``clock`` is the robot's. For one thread, that of the test.
 
@@ -131,7 +114,7 @@ class Listener:
     """
 
     def __init__(self, network: Network, clock: Clock) -> None:
-        self.recorders: dict[str, PortRecorder] = {}
+        self.recorders: dict[str, Recorder] = {}
         #: By how much each sleep of this process was too long, s of the robot's time.
         self.late: list[float] = []
         #: Real-time factor of the robot's clock during ``listen``; 1 in lockstep, where it has no meaning.
@@ -161,6 +144,16 @@ class Listener:
         self._opened.callback(recorder.close)
         self.recorders[source] = recorder
         return recorder
+
+    def add_topic(self, topic: str, report: Callable[[str], None]) -> None:
+        """Record a topic of ROS 2 in the domain of ROS_DOMAIN_ID. Raises RtfError."""
+        try:
+            from rtf.robot_testing.streams.topic_recorder import TopicRecorder
+        except ImportError as error:
+            raise RtfError(f"topics of ROS 2 need the package cyclonedds: pip install 'rtf[dds]' ({error})") from error
+        recorder = TopicRecorder(topic, now=self._now, report=report)
+        self._opened.callback(recorder.close)
+        self.recorders[topic] = recorder
 
     def listen(self, seconds: float, *, arrivals: bool = True) -> None:
         """Record for ``seconds`` of the robot's time; without ``arrivals`` arrival times are less exact in lockstep."""

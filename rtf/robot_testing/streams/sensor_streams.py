@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rtf.middleware.ports.network import Network
     from rtf.robot.interfaces import FloatArray, SensorInfo, SensorReading
     from rtf.robot.sensors.measurements import Measurements
-    from rtf.robot_testing.streams.port_recorder import Message
+    from rtf.robot_testing.streams.message import Message
 
 #: The suffix of the stream of a server with several sensors.
 MEASURES = "/measures:o"

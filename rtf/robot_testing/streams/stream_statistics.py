@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rtf.robot.interfaces import FloatArray
-    from rtf.robot_testing.streams.port_recorder import Message
+    from rtf.robot_testing.streams.message import Message
 
 
 class Stream(NamedTuple):

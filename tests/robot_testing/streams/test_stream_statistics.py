@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rtf.robot_testing.judging.statistics import surely_beyond
-from rtf.robot_testing.streams.port_recorder import Message
+from rtf.robot_testing.streams.message import Message
 from rtf.robot_testing.streams.stream_statistics import stream_of, within
 
 
