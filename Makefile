@@ -5,7 +5,7 @@ SHELL := /bin/bash
 PYTHON ?= python3
 BIN := .venv/bin
 # Processes for the tests: more than there are cores, for many tests wait, for an end or for a limit to pass.
-JOBS ?= $(shell echo $$(( $$(nproc 2>/dev/null || echo 2) * 2 )))
+JOBS ?= $(shell echo $$(( $$(nproc 2>/dev/null || echo 2) * 3 )))
 
 .PHONY: demo test test-long benchmark wheel format clean help
 
@@ -21,16 +21,18 @@ demo: .venv/installed
 
 # A file goes to one process, for its tests share robots and programs; tests/conftest.py has the order. The tests start
 # thousands of processes, and where modules may not be kept compiled, each would compile them anew. What the processes of
-# pytest compile for themselves is compiled once before, while mypy leaves the other cores to others.
+# pytest compile for themselves is compiled once before. Meanwhile, and beside the first tests, types are checked.
 test: .venv/installed-for-tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy & PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --collect-only -q > /dev/null || true; wait $$!
-	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
+	export PYTHONDONTWRITEBYTECODE=; $(BIN)/mypy & types=$$!; \
+	$(BIN)/python -m pytest --collect-only -q > /dev/null || true; \
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder; wait $$types
 	@echo "TESTS PASSED  style, types and tests are in order"
 
 test-long: .venv/installed-for-tests
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -m long -n $(JOBS) --dist loadfile --no-loadscope-reorder
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -m hypothesis --hypothesis-profile night -n $(JOBS)
 	@echo "LONG TESTS PASSED"
 
 benchmark: .venv/installed-for-tests

@@ -11,8 +11,10 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-# How long an example takes says how busy the machine is, and nothing about what is tested. Each run has other examples.
-settings.register_profile("project", deadline=None, max_examples=50)
+# How long an example takes says how busy the machine is, and nothing about what is tested. Each run has other examples;
+# at night, with the long tests, each property has ten times as many.
+settings.register_profile("project", deadline=None, max_examples=25)
+settings.register_profile("night", deadline=None, max_examples=250)
 settings.load_profile("project")
 
 # Ten thousand tests are many objects, and none of them is garbage: searching them takes a third of the collection.

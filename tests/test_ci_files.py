@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 import shlex
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import pytest
 
-from harness import run_command
+from harness import Outcome, run_command
 from rtf.cli.arguments import parse_run
 from rtf.cli.command_tree import RTF, TESTRUNNER
 
@@ -42,8 +44,15 @@ SHOWN_BY = [
 ]
 
 
+@pytest.fixture(scope="module")
+def listed(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Outcome]:
+    """Run ``testrunner --list`` with these arguments, once for all pages that show them."""
+    folder = tmp_path_factory.mktemp("listed")
+    return cache(lambda *arguments: run_command(folder, *arguments, "--list"))
+
+
 @pytest.mark.parametrize("path", SHOWN_BY, ids=lambda path: path.name)
-def test_commands_can_be_given(path: Path, tmp_path: Path):
+def test_commands_can_be_given(path: Path, listed: Callable[..., Outcome]):
     """Options, tools and suite files of every command exist, and what is selected are some tests."""
     given = commands(path)
     assert given, "a file that shows commands has some of ours"
@@ -56,7 +65,7 @@ def test_commands_can_be_given(path: Path, tmp_path: Path):
             selection = ["-k", options.names] if options.names else []
             suites = [word for suite in (*options.suite, *options.targets) for word in ("--suite", str(ROOT / suite))]
             tests = ["--test", options.test] if options.test else []
-            outcome = run_command(tmp_path, *suites, *tests, *selection, "--list")
+            outcome = listed(*suites, *tests, *selection)
             assert outcome.exit_code == 0, (words, outcome.stderr)
             assert not re.search(r"^0 tests", outcome.stdout, re.MULTILINE), words
 

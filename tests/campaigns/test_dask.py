@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import stat
 from concurrent.futures import CancelledError, Future
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import pytest
-
-pytest.importorskip("distributed")
-
-from distributed import Security
 
 from rtf.campaigns.backends.backend import BackendLostError
 from rtf.campaigns.backends.certificates import write_certificates
@@ -21,6 +18,9 @@ from rtf.campaigns.task_run import Status
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+
+pytestmark = pytest.mark.skipif(not find_spec("distributed"), reason="needs pip install 'rtf[cluster]'")
 
 
 @pytest.mark.parametrize(
@@ -53,6 +53,8 @@ def test_a_cluster_that_is_none():
 
 def test_certificates_are_written_once_and_the_key_is_secret(tmp_path: Path):
     """Dask takes the files for all roles; a second call replaces nothing."""
+    from distributed import Security
+
     certificate, key = write_certificates(tmp_path / "keys")
     assert stat.S_IMODE(key.stat().st_mode) == 0o600
     files = {

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import false_discovery_control, hypergeom, ks_2samp
 
 from rtf.campaigns.report.detection import faulty_groups
 from rtf.campaigns.report.distributions import measured_groups
@@ -90,6 +89,8 @@ def _things(report: Report) -> set[str]:
 def _adjusted(changes: Sequence[Change]) -> tuple[Change, ...]:
     if not changes:
         return ()
+    from scipy.stats import false_discovery_control  # here and below: it takes a second to load
+
     adjusted = false_discovery_control([change.p for change in changes])
     done = [
         replace(change, adjusted=float(p), significant=bool(p <= FALSE_DISCOVERIES))
@@ -164,6 +165,8 @@ def _rates(what: str, place: tuple[str, str, str], before: Rate, after: Rate) ->
 
 def _distributions(outcomes_before: Iterable[Outcome], outcomes_after: Iterable[Outcome]) -> Iterator[Change]:
     """Compare measurements of healthy robots by the test of Kolmogorov and Smirnov, which sees shifts and spreads."""
+    from scipy.stats import ks_2samp
+
     one, other = measured_groups(outcomes_before), measured_groups(outcomes_after)
     for key in one.keys() & other.keys():
         first, second = _finite(one[key]), _finite(other[key])
@@ -184,6 +187,8 @@ def exact_p(strata: Iterable[tuple[int, int, int, int]]) -> float:
     those before is a sum of hypergeometric ones, whose distribution is computed exactly; all sums that are as unlikely
     as that which came, or more, count (with one stratum, Fisher's exact test).
     """
+    from scipy.stats import hypergeom
+
     chances, place = np.ones(1), 0
     for hits, tried, later_hits, later_tried in strata:
         found_in_all = hits + later_hits

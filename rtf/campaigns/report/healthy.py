@@ -8,7 +8,6 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import median_abs_deviation
 
 from rtf.campaigns.report.rates import Rate, exact_rate
 from rtf.campaigns.report.verdicts import first_attempt_failed, found_rate, judged
@@ -109,6 +108,8 @@ def _flakiness(test: str, robot: str, group: Sequence[Outcome]) -> Flakiness:
 
 def _spreads(group: Sequence[Outcome]) -> dict[str, float]:
     """Return the standard deviation of each measurement by its median deviation, which outliers do not bend."""
+    from scipy.stats import median_abs_deviation  # it takes a second to load
+
     values: dict[str, list[float]] = defaultdict(list)
     for outcome in group:
         for name, measured in outcome.measurements.items():

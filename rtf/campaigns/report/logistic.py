@@ -12,9 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import minimize
-from scipy.special import expit, logit
-from scipy.stats import chi2
+from scipy.special import chdtri, expit, logit
 
 from rtf.campaigns.report.rates import CONFIDENCE
 
@@ -23,7 +21,7 @@ if TYPE_CHECKING:
 
     Numbers = NDArray[np.float64]
 
-_DROP = float(chi2.ppf(CONFIDENCE, 1)) / 2.0
+_DROP = float(chdtri(1, 1.0 - CONFIDENCE)) / 2.0
 #: Directions from the best curve in which the boundary is looked for. Between two of them it is missed by 0.1 % of its
 #: width.
 _DIRECTIONS = 72
@@ -95,6 +93,8 @@ def _log_likelihood(parameters: Numbers, x: Numbers, found: Numbers, trials: Num
 
 
 def _most_likely(x: Numbers, found: Numbers, trials: Numbers) -> Numbers:
+    from scipy.optimize import minimize
+
     design = np.column_stack([np.ones_like(x), x])
 
     def cost(parameters: Numbers) -> tuple[float, Numbers]:

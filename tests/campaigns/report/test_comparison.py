@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import fisher_exact
 
 from rtf.campaigns import Measured, Outcome
 from rtf.campaigns.report.comparison import Comparison, compare, exact_p
@@ -46,6 +45,8 @@ def counts(draw: st.DrawFn) -> tuple[int, int, int, int]:
 @given(counts())
 def test_one_stratum_is_fishers_test(stratum: tuple[int, int, int, int]):
     """The p value is that of SciPy."""
+    from scipy.stats import fisher_exact  # here, as each process that collects tests would load it for a second
+
     hits, tried, later_hits, later = stratum
     expected = fisher_exact([[hits, tried - hits], [later_hits, later - later_hits]]).pvalue
     assert exact_p([stratum]) == pytest.approx(expected, abs=1e-9)

@@ -6,7 +6,6 @@ import json
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -57,6 +56,8 @@ def test_json_has_all_of_it(report: Report, tmp_path: Path):
 
 def test_pandas_reads_a_table_in_one_line(report: Report, tmp_path: Path):
     """Rows and types are there; what is none is missing."""
+    import pandas as pd  # here, as each process that collects tests would load it
+
     write_tables(tmp_path, report, OUTCOMES)
     runs = pd.read_csv(tmp_path / "runs.csv")
     assert len(runs) == len(OUTCOMES)
@@ -78,6 +79,8 @@ def test_pandas_reads_a_table_in_one_line(report: Report, tmp_path: Path):
 
 def test_hostile_texts_stay_texts(tmp_path: Path):
     """They end no element of the page, are no formula of a spreadsheet, and keep no file from being written."""
+    import pandas as pd
+
     outcomes = [outcome(test=HOSTILE, measurements={HOSTILE: Measured(1.0)}), faulty(1.0, found=True, test=HOSTILE)]
     report = make_report(outcomes, HOSTILE)
     write_tables(tmp_path, report, outcomes)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import binom
 
 from rtf.campaigns.report.rates import exact_rate
 
@@ -35,6 +34,8 @@ def test_the_interval_has_the_share_in_it(rate: tuple[int, int]):
 @given(counts().filter(lambda rate: 0 < rate[0] < rate[1]))
 def test_the_ends_are_where_the_count_becomes_unlikely(rate: tuple[int, int]):
     """At the lower end so many or more have a chance of 2.5 %, at the upper end so many or fewer."""
+    from scipy.stats import binom  # here and below, as each process that collects tests would load it for a second
+
     count, trials = rate
     found = exact_rate(count, trials)
     assert binom.sf(count - 1, trials, found.low) == pytest.approx(0.025, rel=1e-6)
@@ -45,6 +46,8 @@ def test_the_ends_are_where_the_count_becomes_unlikely(rate: tuple[int, int]):
 @pytest.mark.parametrize("trials", [5, 40])
 def test_it_covers_the_truth(truth: float, trials: int):
     """Over all counts that may come, the interval has the true share in it at least 95 times of 100."""
+    from scipy.stats import binom
+
     intervals = [exact_rate(count, trials) for count in range(trials + 1)]
     inside = np.array([one.low <= truth <= one.high for one in intervals])
     assert (binom.pmf(np.arange(trials + 1), trials, truth) * inside).sum() >= 0.95
