@@ -53,6 +53,18 @@ except rospy.ServiceException as error:
 """
 
 
+#: A program with other types for two topics.
+WRONG = """
+import rospy
+from std_msgs.msg import Int32
+rospy.init_node("wrong")
+rospy.Publisher("theirs", Int32, queue_size=1)
+rospy.Subscriber("ours", Int32, lambda _: None)
+print("ready", flush=True)
+rospy.spin()
+"""
+
+
 def set_camera() -> Any:
     """The type of the service."""
     types = Types()
@@ -85,6 +97,21 @@ def test_topics_go_to_rospy_and_back(ros: Ros, node: Callable[..., Node]):
         loggers.add_service("roscpp/GetLoggers", "---\nLogger[] loggers\n")
         found = here.client("/peer/get_loggers", loggers.service("roscpp/GetLoggers")).call()
         assert "rosout" in [one.name for one in found.loggers]
+
+
+def test_a_program_with_other_types_is_told(ros: Ros, node: Callable[..., Node], said: list[str]):
+    """On both sides; who has the right one gets the messages."""
+    here, got = node("here"), list[str]()
+    ours = here.publisher("ours", STRING)
+    here.subscribe("theirs", STRING, lambda _: None)
+    here.subscribe("ours", STRING, lambda message: got.append(message.data))
+    with ros.running("/usr/bin/python3", "-c", WRONG):
+        eventually(lambda: len({one.partition(":")[0] for one in said}) == 2, f"it was not told: {said}")
+        ours.publish(STRING("right"))
+        eventually(lambda: got == ["right"], "nothing came")
+    told = "\n".join(said)
+    assert "/wrong wants /ours with md5sum 'da5909fbe378aeaf85e547e830cc1bb7'; /here has" in told
+    assert "it refuses: " in told
 
 
 def test_rostopic_shows_ours(ros: Ros, node: Callable[..., Node]):
