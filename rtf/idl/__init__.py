@@ -10,6 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rtf.errors import Location, did_you_mean
 from rtf.idl.editor import Editor
 from rtf.idl.errors import CallError, IdlError, MissingPackageError
 from rtf.idl.service import Client, RemoteFunction, Service, serve
@@ -94,8 +95,18 @@ def read(path: str | Path, folders: Sequence[str | Path] = ()) -> Program:
         from rtf.idl.resolving import read_program
     except ImportError as error:
         raise MissingPackageError(f"interface files need the package lark: pip install 'rtf[idl]' ({error})") from error
-    own = SERVICES / f"{path}.thrift"
-    return read_program(own if own.parent == SERVICES and own.is_file() else Path(path), [*map(Path, folders)])
+    return read_program(_found(Path(path)), [*map(Path, folders)])
+
+
+def _found(path: Path) -> Path:
+    """Return the file of a name. Raises IdlError for a name alone that is no file."""
+    if path.suffix or path.name != str(path) or path.exists():
+        return path
+    known = [one.stem for one in SERVICES.glob("*.thrift")]
+    if path.name not in known:
+        hint = did_you_mean(path.name, known)
+        raise IdlError(f"there is no file, and no interface file of RTF, with this name{hint}", Location(str(path)))
+    return SERVICES / f"{path}.thrift"
 
 
 def load(path: str | Path, folders: Sequence[str | Path] = ()) -> Any:

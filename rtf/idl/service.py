@@ -90,11 +90,11 @@ class RemoteFunction:
             if at == len(elements) and place >= len(self.arguments) - self.optional:
                 break
             if at + argument.type.width > len(elements):
-                raise BottleError(f"{self.name} needs more arguments: {self.prototype}")
+                raise BottleError(f"{self.name} needs more arguments")
             values.append(argument.type.take(elements, at))
             at += argument.type.width
         if at < len(elements):
-            raise BottleError(f"{self.name} takes fewer arguments: {self.prototype}")
+            raise BottleError(f"{self.name} takes fewer arguments")
         return values
 
     def result(self, reply: Bottle) -> Any:

@@ -6,15 +6,16 @@ import subprocess
 import sys
 from typing import TYPE_CHECKING, Any
 
+import pytest
+
 from rtf import idl
 from rtf.cli.idl import check, html, md, py
+from rtf.idl import IdlError
 from rtf.idl.documentation import document
 from rtf.idl.resolving import program_of
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-    import pytest
 
 
 def test_a_written_module_is_that_which_is_loaded(shapes_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -73,3 +74,12 @@ def test_texts_of_a_file_stay_texts():
     made: Any = python_module(program)
     assert made.A().s == '"""\\{{ 1 }}<b>'
     assert made.A.__doc__ == '<script>x</script> """ \\'
+
+
+def test_files_of_rtf_are_found_by_name():
+    """Only by a name alone; another name says which ones are like it."""
+    assert idl.read("battery").structs[0].name == "BatteryData"
+    with pytest.raises(IdlError, match="control_boards: there is no file, .* did you mean control_board?"):
+        idl.read("control_boards")
+    with pytest.raises(IdlError, match="cannot be read"):
+        idl.read("./battery.thrift")
