@@ -79,7 +79,7 @@ def test_texts_of_a_file_stay_texts():
 def test_files_of_rtf_are_found_by_name():
     """Only by a name alone; another name says which ones are like it."""
     assert idl.read("battery").structs[0].name == "BatteryData"
-    with pytest.raises(IdlError, match="control_boards: there is no file, .* did you mean control_board?"):
+    with pytest.raises(IdlError, match=r"control_boards: there is no file, .* did you mean control_board\?"):
         idl.read("control_boards")
     with pytest.raises(IdlError, match="cannot be read"):
         idl.read("./battery.thrift")
