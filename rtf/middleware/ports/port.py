@@ -16,32 +16,35 @@ from rtf import clock
 from rtf.bottle import Bottle, Property
 from rtf.bottle.binary import encode
 from rtf.middleware.carriers import local, registry
-from rtf.middleware.carriers.base import Group
 from rtf.middleware.carriers.socket_watcher import SHARED_LISTENER
 from rtf.middleware.carriers.stream import Stream
 from rtf.middleware.errors import ConnectError, MiddlewareError, NameNotFoundError, PortClosedError, ProtocolError
-from rtf.middleware.ports import access, admin, describe, monitoring, priority
+from rtf.middleware.ports import access, admin, describe, priority
 from rtf.middleware.ports.disconnect_sources import disconnect_sources
 from rtf.middleware.ports.inputs import Input
 from rtf.middleware.ports.message_handoff import MessageHandoff
+from rtf.middleware.ports.multicast_groups import MulticastGroups
 from rtf.middleware.ports.outputs import Output, connect, send_to_all
+from rtf.middleware.ports.port_monitors import PortMonitors
+from rtf.middleware.ports.port_page import LastMessages, page_of
 from rtf.middleware.types.codecs import BOTTLE, codec_of
 from rtf.middleware.wire import modifiers
 from rtf.middleware.wire.contact import Contact
 from rtf.middleware.wire.incoming_message import IncomingMessage, LocalMessage
 from rtf.middleware.wire.outgoing_message import OutgoingMessage
-from rtf.middleware.wire.page import MAX_SHOWN, LastMessage, Link, Page, Section, text_of, too_long
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
     from types import TracebackType
 
     from rtf.errors import RtfError
+    from rtf.middleware.carriers.base import Group
     from rtf.middleware.monitors.attached import Attached
     from rtf.middleware.monitors.script import ScriptName
     from rtf.middleware.ports.network import Network
     from rtf.middleware.ports.qos import Connection, Qos
     from rtf.middleware.types.codecs import Buffer, Codec
+    from rtf.middleware.wire.page import Page
 
 Receiver = Callable[[IncomingMessage], None]
 T = TypeVar("T")
@@ -49,8 +52,6 @@ T = TypeVar("T")
 #: Maximum number of inputs of a port. Further callers are refused, which bounds threads and memory.
 MAX_INPUTS = 1024
 _CLOSING = 5.0
-#: The port number of multicast groups where the name server assigns none.
-_GROUP_PORT = 10_001
 
 
 class Port:
@@ -90,9 +91,7 @@ class Port:
         self.interrupted = False
         self.interruptions = 0  # lets a waiting thread notice an interruption that is already over
         self.envelope = ""
-        #: The last message in each direction, for the page of the port; of a received one only the beginning.
-        self._written: OutgoingMessage | None = None
-        self._received: tuple[Input, bytes, int] | None = None
+        self._last = LastMessages()  # for the page of the port
         self._receive = receive
         self._handoff = MessageHandoff(name)
         self._lock = threading.Lock()
@@ -101,9 +100,9 @@ class Port:
         self._dialling: set[str] = set()  # peers with a connection attempt in progress
         self._inputs: dict[Input, None] = {}
         self._priorities = priority.PriorityGroup(lambda text: self.network.report(f"{self.name}: {text}"))
-        self._monitors: dict[str, Attached] = {}  # of all inputs ("in") and all outputs ("out")
+        self._monitors = PortMonitors(lambda text: self.network.report(f"{self.name}: {text}"))
         self._outputs: tuple[Output, ...] = ()
-        self._groups: dict[str, Group] = {}
+        self._groups = MulticastGroups()
         self._closed = False
         self._listening, self.contact = self.network.open_address(name, promise)
         local.enrol(self)
@@ -163,7 +162,7 @@ class Port:
         if not self._outputs:
             return None
         codec = codec or codec_of(value)
-        message = self._written = OutgoingMessage("D", value, codec, self.network.dialect, self.envelope)
+        message = self._last.written = OutgoingMessage("D", value, codec, self.network.dialect, self.envelope)
         return message
 
     def _lost(self, output: Output, error: BaseException) -> None:
@@ -202,24 +201,12 @@ class Port:
             self.remove_output(found.name)
             output = connect(self.network, self, found)
             try:
-                self._add_monitor(output, found)
+                self._monitors.at_output(output, self.name, found)
             except BaseException:
                 output.close()
                 raise
             self._take_in(output)
         return found
-
-    def _add_monitor(self, output: Output, target: Contact) -> None:
-        name = monitoring.of_connection(modifiers.read(modifiers.split(target.carrier)[1]), "send")
-        if name is not None:
-            output.monitor = monitoring.attach(
-                name,
-                self._monitor_report,
-                source=self.name,
-                destination=target.name,
-                carrier=target.carrier,
-                sends=True,
-            )
 
     @contextlib.contextmanager
     def _one_at_a_time(self, peer: str) -> Iterator[None]:
@@ -257,7 +244,7 @@ class Port:
     def _take_in(self, output: Output) -> None:
         output.source, output.others = self.name, self._output_monitors
         with self._lock:
-            output.port_monitor = self._monitors.get("out")
+            output.port_monitor = self._monitors.of("out")
             welcome = not self._closed
             older = [one for one in self._outputs if one.peer == output.peer]  # made by another thread in the meantime
             if welcome:
@@ -288,18 +275,7 @@ class Port:
     def multicast_group(self, interface: str) -> Group:
         """Return the multicast group that this port sends to on an interface. The first call creates it."""
         with self._writing:
-            group = self._groups.get(interface)
-            if group is None:
-                group = self._groups[interface] = Group(self._register_group(f"{self.name}/net={interface}"))
-            return group
-
-    def _register_group(self, name: str) -> Contact:
-        names = self.network.names
-        contact = names.register(name, carrier="mcast")
-        if not contact.port:  # the name server has no pool of port numbers
-            contact = names.register(name, carrier="mcast", host=contact.host, port=_GROUP_PORT)
-        names.set_property(self.name, "owns", [contact.name])
-        return contact
+            return self._groups.on(interface, self.name, self.network.names)
 
     def remove_output(self, name: str) -> bool:
         """End the output to a port. Return False if there is none."""
@@ -327,24 +303,7 @@ class Port:
 
     def page(self) -> Page:
         """Return what the port shows of itself in a browser. Any thread."""
-        outputs = [Link.to(one.target, f"by {one.carrier}") for one in self.outputs]
-        inputs = [Link(one.sender, about=f"by {one.carrier}") for one in self.inputs if one.announced]
-        last = []
-        if (written := self._written) is not None:
-            text = written.text if written.size <= MAX_SHOWN else too_long(written.size)
-            last.append(LastMessage("Last message written", text))
-        if (received := self._received) is not None:
-            caller, data, size = received
-            in_lines = caller.link is not None and caller.link.carrier.text
-            text = text_of(data, caller.dialect, in_lines=in_lines) if size <= MAX_SHOWN else too_long(size)
-            last.append(LastMessage(f"Last message received, from {caller.sender}", text))
-        return Page(
-            kind="a port" + (f" of {self.promise}" if self.promise else ""),
-            sections=[Section("Sends to", outputs), Section("Receives from", inputs)],
-            messages=last,
-            accepts_requests=self.allows_inputs,
-            pictures=self.allows_outputs and self.promise == "yarp/image",
-        )
+        return page_of(self, self._last)
 
     # Inputs ------------------------------------------------------------------------------------------------------
 
@@ -390,13 +349,7 @@ class Port:
         """Add an input whose handshake is done and end an older one from the same port. Runs in the input's thread."""
         assert caller.link is not None
         caller.priority = priority.of_input(caller.sender, caller.link.modifiers)
-        caller.monitor = monitoring.at_input(
-            caller.link.modifiers,
-            self._monitor_report,
-            source=caller.sender,
-            destination=self.name,
-            carrier=caller.carrier,
-        )
+        self._monitors.at_input(caller, self.name)
         if caller.priority is not None:
             self._priorities.add(caller.priority)
         if not caller.sender.startswith("/"):
@@ -435,15 +388,17 @@ class Port:
                 return _NO_REPLY if key == "d" and not link.carrier.text else ()
             asks, in_lines, own = key == "d", link.carrier.text, len(data) > link.reuses
             delivery = IncomingMessage(link.sender, text, data, caller.dialect, asks, in_lines, own)
-            if caller.monitor is None and not self._monitors:
+            if caller.monitor is None and self._monitors.of("in") is None:
                 self.deliver(delivery)
-            elif (passed := self._deliver_monitored(caller, delivery)) is not None:
-                delivery = passed
             else:
-                return _NO_REPLY if asks and not in_lines else ()
+                passed = self._monitors.deliver(
+                    delivery, caller, self.name, others=self._input_monitors, deliver=self.deliver
+                )
+                if passed is None:
+                    return _NO_REPLY if asks and not in_lines else ()
+                delivery = passed
             caller.dialect = delivery.dialect
-            size = len(data)
-            self._received = caller, bytes(data if size <= MAX_SHOWN else data[:MAX_SHOWN]), size
+            self._last.receive(caller, data)
             return delivery.answer or (_NO_REPLY if asks and not in_lines else ())
         if key == "a":
             delivery = IncomingMessage(link.sender, "", data, caller.dialect, wants_reply=True, text=link.carrier.text)
@@ -455,51 +410,27 @@ class Port:
         answer = describe.answer(self, key, text) if allowed else f"{describe.NOT_ALLOWED}\r\n"
         return (answer.encode("utf-8", "surrogateescape"),) if link.carrier.text else ()
 
-    def _deliver_monitored(self, caller: Input, delivery: IncomingMessage) -> IncomingMessage | None:
-        """Deliver what the monitors make of a message; None if they drop it."""
-        monitors = [one for one in (self._monitors.get("in"), caller.monitor) if one is not None]
-        passed = monitoring.incoming(delivery, monitors, self._input_monitors)
-        if passed is None:
-            return None
-        self.deliver(passed)
-        if passed.answer:
-            monitoring.reply(passed, self.name, monitors)
-        return passed
-
     def _input_monitors(self) -> list[Attached]:
         return [one.monitor for one in self.inputs if one.monitor is not None]
 
     def _output_monitors(self) -> list[Attached]:
         return [one.monitor for one in self._outputs if one.monitor is not None]
 
-    def _monitor_report(self, text: str) -> None:
-        self.network.report(f"{self.name}: {text}")
-
     def attach_monitor(self, way: str, name: ScriptName | None) -> bool:
         """Have a script look at all messages that come ``in`` or go ``out``; None ends that, and says if there was one.
 
         Messages that ports of this process pass as objects (``local``) are not among them. Raises ConnectError.
         """
-        ends = (self.name, "") if way == "out" else ("", self.name)
-        attached = None
-        if name is not None:
-            attached = monitoring.attach(
-                name, self._monitor_report, source=ends[0], destination=ends[1], carrier="", sends=way == "out"
-            )
-        with self._lock:
-            before = self._monitors.pop(way, None)
-            if attached is not None:
-                self._monitors[way] = attached
-            if way == "out":
+        before = self._monitors.attach(way, name, self.name)
+        if way == "out":
+            with self._lock:
                 for output in self._outputs:
-                    output.port_monitor = attached
-        if before is not None:
-            before.end()
+                    output.port_monitor = self._monitors.of("out")
         return before is not None
 
     def port_monitor(self, way: str) -> Attached | None:
         """The script that looks at all messages in a direction."""
-        return self._monitors.get(way)
+        return self._monitors.of(way)
 
     def _may_administer(self, caller: Input) -> bool:
         """Return whether a caller may change connections: by its address, as callers for that have no names."""
@@ -581,10 +512,9 @@ class Port:
         deadline = clock.Deadline.after(_CLOSING)
         for caller in callers:
             caller.join(deadline.remaining())
-        for one in self._monitors.values():
-            one.end()
+        self._monitors.end()
         with contextlib.suppress(MiddlewareError):  # a name server that is gone has forgotten the names
-            for name in (*(group.contact.name for group in self._groups.values()), self.name):
+            for name in (*self._groups.names, self.name):
                 self.network.names.unregister(name)
 
     def _check_open(self) -> None:

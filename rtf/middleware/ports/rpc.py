@@ -89,7 +89,7 @@ class RpcClient(Port):
             raise ConnectError(f"{self.name} is not connected to a server")
         output = outputs[0]
         dialect = output.dialect or self.network.dialect
-        message = self._written = OutgoingMessage("d", request, codec or codec_of(request), dialect, self.envelope)
+        message = self._last.written = OutgoingMessage("d", request, codec or codec_of(request), dialect, self.envelope)
         try:
             return output.call(message, answer, timeout)
         except BaseException as error:
