@@ -303,7 +303,14 @@ class Port:
 
     def page(self) -> Page:
         """Return what the port shows of itself in a browser. Any thread."""
-        return page_of(self, self._last)
+        return page_of(
+            self._last,
+            self.outputs,
+            self.inputs,
+            promise=self.promise,
+            requests=self.allows_inputs,
+            pictures=self.allows_outputs and self.promise == "yarp/image",
+        )
 
     # Inputs ------------------------------------------------------------------------------------------------------
 

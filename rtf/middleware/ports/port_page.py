@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING
 from rtf.middleware.wire.page import MAX_SHOWN, LastMessage, Link, Page, Section, text_of, too_long
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from rtf.middleware.ports.inputs import Input
-    from rtf.middleware.ports.port import Port
+    from rtf.middleware.ports.outputs import Output
     from rtf.middleware.types.codecs import Buffer
     from rtf.middleware.wire.outgoing_message import OutgoingMessage
 
@@ -39,14 +41,23 @@ class LastMessages:
         return last
 
 
-def page_of(port: Port, last: LastMessages) -> Page:
-    """Return the page of a port. Any thread."""
-    outputs = [Link.to(one.target, f"by {one.carrier}") for one in port.outputs]
-    inputs = [Link(one.sender, about=f"by {one.carrier}") for one in port.inputs if one.announced]
+def page_of(
+    last: LastMessages,
+    outputs: Iterable[Output],
+    inputs: Iterable[Input],
+    *,
+    promise: str,
+    requests: bool,
+    pictures: bool,
+) -> Page:
+    """Return the page of a port: ``promise`` is what it sends, ``requests`` whether it may be asked. Any thread."""
     return Page(
-        kind="a port" + (f" of {port.promise}" if port.promise else ""),
-        sections=[Section("Sends to", outputs), Section("Receives from", inputs)],
+        kind="a port" + (f" of {promise}" if promise else ""),
+        sections=[
+            Section("Sends to", [Link.to(one.target, f"by {one.carrier}") for one in outputs]),
+            Section("Receives from", [Link(one.sender, about=f"by {one.carrier}") for one in inputs if one.announced]),
+        ],
         messages=last.shown(),
-        accepts_requests=port.allows_inputs,
-        pictures=port.allows_outputs and port.promise == "yarp/image",
+        accepts_requests=requests,
+        pictures=pictures,
     )
