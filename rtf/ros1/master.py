@@ -27,7 +27,10 @@ class Master:
 
     def pid(self) -> int:
         """Return the number of the master's process: another one is another master."""
-        return int(self.call("getPid"))
+        number = self.call("getPid")
+        if not isinstance(number, int):
+            raise MasterError(f"{self.uri} answered getPid with {number!r:.100}; is it a master?")
+        return number
 
     def parameter(self, name: str) -> Any:
         """Return a parameter."""

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from rtf.ros1.contents import Contents
 
 _FAILED, _SUCCESS = 0, 1
+#: Each publisher of a topic has a thread.
+_MOST_PUBLISHERS = 1000
 
 
 class Slave:
@@ -44,6 +46,8 @@ class Slave:
     def _publisher_update(self, topic: str, publishers: list[str]) -> int:
         if not isinstance(publishers, list) or not all(isinstance(one, str) for one in publishers):
             raise TypeError("publisherUpdate has a topic and a list of addresses")
+        if len(publishers) > _MOST_PUBLISHERS:
+            raise TypeError(f"{len(publishers)} publishers of {topic}; at most {_MOST_PUBLISHERS} are connected")
         subscription = self._contents.subscription(topic)
         if subscription is not None:
             subscription.update(publishers)

@@ -6,7 +6,7 @@ import os
 import socket
 import struct
 import threading
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -16,8 +16,9 @@ from ros1.test_types import nested
 
 from rtf.middleware.carriers.stream import Stream
 from rtf.ros1 import xml_rpc
-from rtf.ros1.errors import NoServiceError, PeerError
+from rtf.ros1.errors import MasterError, NoServiceError, PeerError
 from rtf.ros1.master import call_node
+from rtf.ros1.node import Node
 from rtf.ros1.tcpros import encode_header, frame, read_header
 from rtf.ros1.types import message_type, service_type
 from waiting import eventually
@@ -226,6 +227,37 @@ def test_a_publisher_that_is_killed_is_missed_and_found_again(ros: Ros, node: Ca
             eventually(lambda: got, "nothing came")
         eventually(lambda: not received.publishers, "it is not missed")
     eventually(lambda: any("does not answer requestTopic" in one for one in said), f"it was not told: {said}")
+
+
+@pytest.mark.parametrize(
+    ("call", "complaint"),
+    [
+        (("publisherUpdate", "/m", "/chatter", [1]), "has a topic and a list of addresses"),
+        (("publisherUpdate", "/m", "/chatter", ["http://127.0.0.1:9/"] * 1001), "1001 publishers of /chatter"),
+        (("publisherUpdate", "/m"), "missing 2 required positional arguments"),
+        (("requestTopic", "/m", "/nothing", [["TCPROS"]]), "/talker does not publish /nothing"),
+        (("requestTopic", "/m", "/chatter", [["UDPROS"], 3]), "/talker publishes /chatter by TCPROS only"),
+        (("requestTopic", "/m", {"a": 1}, 3), "unhashable"),
+        (("getParam", "/m"), "/talker has no function getParam"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else value[0],
+)
+def test_calls_that_are_none_are_refused(node: Callable[..., Node], call: tuple[Any, ...], complaint: str):
+    """With a fault or a code; those that are some are answered."""
+    talker = node("talker")
+    talker.publisher("chatter", STRING)
+    with pytest.raises(MasterError, match=complaint):
+        call_node(talker._contents.uri, *call)
+    assert call_node(talker._contents.uri, "getPublications", "/m") == [["/chatter", "std_msgs/String"]]
+
+
+def test_what_is_no_master_is_told():
+    """A node, for instance."""
+    with (
+        closing(xml_rpc.Server("127.0.0.1", lambda _, __: [1, "", "seven"])) as other,
+        pytest.raises(MasterError, match="answered getPid with 'seven'; is it a master"),
+    ):
+        Node("one", master=f"http://127.0.0.1:{other.port}")
 
 
 def test_a_master_that_dies_and_returns(ros: Ros, node: Callable[..., Node], said: list[str]):
