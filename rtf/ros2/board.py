@@ -39,6 +39,9 @@ _MODES = {
 _ROWS = (Field.JOINT_POSITIONS, Field.JOINT_VELOCITIES, Field.TORQUES)
 #: What a joint without limits has (deg).
 _ENDLESS = 180.0
+#: A process that wrote nothing for so long (s) has paused. Its joints then catch up with twice the speed of their
+#: trajectories and so much (deg/s): below what a guard takes for a motion out of control.
+_PAUSE, _CATCHING_UP = 0.05, 20.0
 
 
 class Ros2Board(BoardDriver):
@@ -105,7 +108,8 @@ class Ros2Board(BoardDriver):
         self.measures = frozenset(field for field, there in zip(_ROWS, known, strict=True) if there)
         self.supported = _MODES[interface]
         self._units = np.array([joint.unit for joint in joints])
-        self._arrived = 0.0
+        self._arrived, self._written = 0.0, self.time()
+        self._behind = np.zeros(len(joints), dtype=bool)
         self._first: dict[int, tuple[Any, ...]] = {}
         return [_axis(joint, interface) for joint in joints]
 
@@ -152,11 +156,26 @@ class Ros2Board(BoardDriver):
 
     def _values(self, setpoints: Setpoints, modes: NDArray[np.int32]) -> FloatArray:
         interface = self._controller.interface
-        values: FloatArray = setpoints.positions / self._units
+        values = self._paced(setpoints, modes)
         if interface is Interface.VELOCITY:
             values = np.where(modes == ControlMode.VELOCITY, setpoints.velocities / self._units, 0.0)
         elif interface is Interface.EFFORT:
             values = np.where(modes == ControlMode.TORQUE, setpoints.torques, 0.0)
+        return values
+
+    def _paced(self, setpoints: Setpoints, modes: NDArray[np.int32]) -> FloatArray:
+        """Return the positions to send. After a pause of this process joints on their way do not rush to catch up."""
+        wanted: FloatArray = setpoints.positions / self._units
+        now = self.board.tick  # of the trajectories, in s
+        passed, self._written = now - self._written, now
+        if self._sent is None:
+            return wanted
+        if passed > _PAUSE:
+            self._behind |= modes != ControlMode.POSITION_DIRECT
+        speed = 2.0 * np.abs(setpoints.velocities) + _CATCHING_UP * self.board.degree
+        step = np.where(self._behind, speed * min(passed, _PAUSE) / self._units, np.inf)
+        values = np.clip(wanted, self._sent - step, self._sent + step)
+        self._behind &= values != wanted
         return values
 
     def configure(self, axis: int) -> None:

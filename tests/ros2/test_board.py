@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 from contextlib import closing, contextmanager
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -257,3 +258,25 @@ def test_a_robot_that_is_killed_is_missed_and_comes_back(node: Callable[..., Nod
                 eventually(lambda: position(board) == pytest.approx(math.degrees(0.2)), "it is not back", 20.0)
                 assert board.fill_state(state) > clock.now() - 5.0
     assert told == 1
+
+
+def test_after_a_pause_joints_do_not_rush(node: Callable[..., Node], network: Network, domain: int):
+    """The thread of the board pauses for 0.5 s in a motion: setpoints go on from the last one, without a jump."""
+    got: list[tuple[float, float]] = []
+    node("listener").subscribe(
+        "/arm_position_controller/commands",
+        Float64MultiArray,
+        lambda command: got.append((clock.monotonic(), math.degrees(command.data[0]))),
+    )
+    with (
+        ros_robot(node, network),
+        closing(opened(network, domain, controller="arm_position_controller")) as board,
+    ):
+        board.set_reference_speeds([10.0] * 3)
+        board.position_move([10.0, 0.0, 0.0])
+        eventually(lambda: got and got[-1][1] > 1.0, "it does not move")
+        with board.board.lock:
+            clock.SystemClock().sleep(0.5)
+        eventually(lambda: got[-1][1] == pytest.approx(10.0), "it does not arrive")
+    pairs = [(after[0] - before[0], after[1] - before[1]) for before, after in pairwise(got)]
+    assert max(way for _, way in pairs) < 0.05 * (20.0 + 2 * 20.0) + 0.1

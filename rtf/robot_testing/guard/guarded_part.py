@@ -9,7 +9,7 @@ import numpy as np
 from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.guard.motion_record import MotionRecord
-from rtf.robot_testing.guard.reactions import LIMP, Reactions
+from rtf.robot_testing.guard.reactions import LIMP, Reactions, take_power
 from rtf.robot_testing.guard.snapshot import Snapshot, sliding_joints
 from rtf.robot_testing.guard.transmission import Transmission
 
@@ -36,6 +36,7 @@ class GuardedPart:
         self.sliding = sliding_joints(board)
         self.excluded: set[int] = set()
         self.reactions = Reactions(board, self.excluded, lambda: self.limp_before)
+        self._held: set[int] = set()  # excluded joints of a board that cannot take their power
         self._idle_since: dict[int, float] = {}  # when this guard left joints idle, s of the robot's clock
         self._repowered: set[int] = set()  # excluded joints that had power again, and were reported
         self._coupling: Transmission | None = None  # read when a joint is excluded
@@ -52,11 +53,13 @@ class GuardedPart:
         self.excluded.add(joint)  # before the command, whose answer may be lost
         MotionRecord().record_excluded(self.name, joint)
         self._leave_idle(joint)
-        self.report(f"{self.names[joint]} is left idle: {reason}")
+        left = "is held, as its board cannot take its power" if joint in self._held else "is left idle"
+        self.report(f"{self.names[joint]} {left}: {reason}")
 
     def _leave_idle(self, joint: int) -> None:
         self._idle_since[joint] = self.clock.now()
-        self.board.set_control_modes(ControlMode.IDLE, joint)
+        if not take_power(self.board, joint):
+            self._held.add(joint)
 
     def adopt_exclusions(self, joints: Collection[int]) -> None:
         """Exclude joints that another process has excluded and left without power."""
@@ -105,10 +108,10 @@ class GuardedPart:
         now, modes = self.clock.now(), self.board.control_modes()
         for joint in sorted(self.excluded):
             since = self._idle_since.get(joint, -np.inf)
-            if modes[joint] in LIMP or 0 <= now - since < _SETTLING:  # the state may be older
+            if joint in self._held or modes[joint] in LIMP or 0 <= now - since < _SETTLING:  # the state may be older
                 continue
             self._leave_idle(joint)
-            if joint in self._repowered:  # already reported; switch it off again
+            if joint in self._held or joint in self._repowered:  # already reported; switch it off again
                 continue
             self._repowered.add(joint)
             self.exclude_coupled(joint, "which is to stay idle")

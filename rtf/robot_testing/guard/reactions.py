@@ -3,7 +3,7 @@
 ===========  =========================================================================================================
 hold         stop on the way to a target; a joint whose output was commanded is held where it is, in position mode
 release      take the torque away, then hold where it is now: its controller begins without the output and the setpoint
-             that pressed, with which a mere stop would press on
+             that pressed, with which a mere stop would press on; a board that cannot take it away holds at once
 go back      release, then move a little back on the way by which the joint came: what was touched is free again
 idle         take the torque away for good; where a board refuses to hold a joint
 ===========  =========================================================================================================
@@ -38,6 +38,25 @@ BACK, BACK_SPEED = 3.0, 20.0
 #: A joint that was slower did not move into a contact, deg/s; nor one with less than this share of the greatest speed:
 #: it may have been pushed by the contact, and would go back into it.
 SLOWEST, _DRIVING = 1.0, 0.5
+
+
+def take_power(board: RemoteBoard, joints: int | Sequence[int]) -> bool:
+    """Take the power of joints; return whether that is possible.
+
+    A board that refuses it, such as one of ROS 2, holds the joints where they are: a change of the mode sets the
+    setpoint to the position, so that a joint that presses does so no more. Raises RobotError.
+    """
+
+    def request(mode: ControlMode) -> None:
+        board.set_control_modes(mode if isinstance(joints, int) else [mode] * len(joints), joints)
+
+    try:
+        request(ControlMode.IDLE)
+    except RefusedError:
+        request(ControlMode.POSITION_DIRECT)
+        request(ControlMode.POSITION)
+        return False
+    return True
 
 
 class Reactions:
@@ -81,8 +100,7 @@ class Reactions:
             self.hold_without_states()
             return
         powered = [joint for joint in joints if modes[joint] not in LIMP]
-        if powered:
-            self._board.set_control_modes([ControlMode.IDLE] * len(powered), powered)
+        if powered and take_power(self._board, powered):
             self._hold_here(powered)
 
     def go_back(self, joints: Sequence[int], speeds: FloatArray, low: FloatArray, high: FloatArray) -> None:
@@ -111,7 +129,7 @@ class Reactions:
             problems.attempt(self._hold_here, held)
             problems.attempt(self._board.stop, held)
         for joint in [*idle, *sorted(self._excluded)]:
-            problems.attempt(self._board.set_control_modes, ControlMode.IDLE, joint)
+            problems.attempt(take_power, self._board, joint)
         problems.raise_all("")
 
     def _hold_here(self, joints: Sequence[int]) -> None:

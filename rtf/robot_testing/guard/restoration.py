@@ -13,7 +13,7 @@ from rtf.robot.errors import NoAnswerError, RobotError, StaleStateError
 from rtf.robot_testing.guard.error_collector import ErrorCollector
 from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.guard.motion_record import MotionRecord
-from rtf.robot_testing.guard.reactions import DRIVEN, MOVING
+from rtf.robot_testing.guard.reactions import DRIVEN, MOVING, take_power
 from rtf.robot_testing.guard.settings_restoration import SettingsRestoration
 from rtf.robot_testing.guard.snapshot import answered
 
@@ -188,7 +188,7 @@ class Restoration:
                 if joint not in self._part.excluded and now is not then and then in _RESTORABLE:
                     problems.attempt(self._restore_mode, joint, now)
             for joint in sorted(self._part.excluded):  # last: a board may have powered them with other joints
-                problems.attempt(board.set_control_modes, ControlMode.IDLE, joint)
+                problems.attempt(take_power, board, joint)
 
         def speeds() -> None:
             if before.speeds is not None and not np.array_equal(board.reference_speeds(), before.speeds):
