@@ -38,6 +38,7 @@ P = TypeVar("P", bound=Closable)
 _log = logging.getLogger("rtf")
 _log.addHandler(logging.NullHandler())
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_SOON = 0.01  # s, until an interrupt is tried again
 
 
 # The end ---------------------------------------------------------------------------------------------------------
@@ -47,7 +48,8 @@ class Ending:
     """Makes KeyboardInterrupt of the first signal that asks for the end, though not while it is held off.
 
     A signal that was ignored when the program started, as in the background of a script, stays ignored. To wait without
-    an end use ``wait``: Python alone may miss a signal that comes just before a wait.
+    an end use ``wait``: Python alone may miss a signal that comes just before a wait. In code whose exceptions Python
+    ignores (see :func:`_is_ignored`) the interrupt would be lost; it is raised a moment later then.
     """
 
     def __init__(self) -> None:
@@ -74,12 +76,19 @@ class Ending:
         if self._came and not self._held:
             self._raise()
 
-    def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
+    def _on_signal(self, signum: int, frame: FrameType | None) -> None:
         for number in self._before:
             signal.signal(number, signal.SIG_DFL)
         self._came = True
-        if not self._held:
+        self._interrupt(signum, frame)
+
+    def _interrupt(self, _signum: int, frame: FrameType | None) -> None:
+        if not self._came or self._held:
+            return
+        if not _is_ignored(frame):
             self._raise()
+        self._before.setdefault(signal.SIGALRM, signal.signal(signal.SIGALRM, self._interrupt))
+        signal.setitimer(signal.ITIMER_REAL, _SOON)
 
     def _raise(self) -> NoReturn:
         self._came = False
@@ -95,12 +104,24 @@ class Ending:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        if signal.SIGALRM in self._before:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
         while self._before:
             number, before = self._before.popitem()
             signal.signal(number, before)  # type: ignore[arg-type]  # it came from the same module
         signal.set_wakeup_fd(-1)
         for descriptor in self._bell:
             os.close(descriptor)
+
+
+def _is_ignored(frame: FrameType | None) -> bool:
+    """Return whether an exception would be printed and forgotten: in destructors, and in a callback of imports."""
+    while frame is not None:
+        code = frame.f_code
+        if code.co_name == "__del__" or (code.co_name == "cb" and code.co_filename == "<frozen importlib._bootstrap>"):
+            return True
+        frame = frame.f_back
+    return False
 
 
 class Bell:

@@ -176,3 +176,48 @@ class TestEnding:
             assert signal.getsignal(signal.SIGINT) not in before
         assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)] == before
         assert _descriptors() == descriptors
+
+
+_TOOL = """
+import os, signal, sys
+from rtf import clock
+from rtf.cli.network.terminal import run_to_its_end
+
+def interrupt():
+    os.kill(os.getpid(), signal.SIGINT)
+    print("interrupted", flush=True)
+{moment}
+def tool(words):
+    begin()
+    while True:
+        clock.sleep(1)
+
+sys.exit(run_to_its_end("tool", tool, []))
+"""
+_DESTRUCTOR = """
+class Released:
+    def __del__(self):
+        interrupt()
+
+def begin():
+    Released()
+"""
+_IMPORT = """
+def trace(frame, event, argument):
+    if frame.f_code.co_name == "cb" and "importlib" in frame.f_code.co_filename:
+        sys.settrace(None)
+        interrupt()
+    return trace
+
+def begin():
+    sys.settrace(trace)
+    import colorsys
+"""
+
+
+@pytest.mark.parametrize("moment", [_DESTRUCTOR, _IMPORT], ids=["a destructor", "a callback of an import"])
+def test_an_interrupt_is_not_lost_where_python_ignores_exceptions(moment: str):
+    """A tool ends though its Ctrl-C comes in code whose exceptions are printed and forgotten."""
+    program = _TOOL.format(moment=moment)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (2, "interrupted\n", "")
