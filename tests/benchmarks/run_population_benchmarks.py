@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 BATTERY = Path(__file__).parents[2] / "suites" / "icubSim" / "battery.xml"
 ALARMS = (Verdict.FAILED, Verdict.ERROR)
+#: What says nothing about a robot: on a machine that is too busy a simulator may not begin in time.
+NOT_RUN = (Verdict.BLOCKED, Verdict.NOT_RUN)
 _CONFIDENCE, _EXACT = 0.95, 1e-9
 #: How the guard says that it had to stop a motion.
 _STOPPED = re.compile(r"; it was (stopped|released|held)")
@@ -91,6 +93,8 @@ def run_unit(folder: Path, suite: Path, unit: int, options: list[str]) -> dict[s
         found = _read(run)
     if not found:
         raise SystemExit(f"the run of unit {unit} has no end; see {run.with_suffix('.txt')}")
+    if any(one.verdict in NOT_RUN for one in found.values()):
+        raise SystemExit(f"tests of unit {unit} were not run; see {run.with_suffix('.txt')}, and remove {run}")
     alarms = [f"{name}: {one.detail.splitlines()[0]}" for name, one in found.items() if one.verdict in ALARMS]
     print("\n    ".join([f"unit {unit}: {len(found)} tests, {len(alarms)} false alarms", *alarms]), flush=True)
     return found

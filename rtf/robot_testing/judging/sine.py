@@ -59,15 +59,19 @@ class SineFit(NamedTuple):
     rms: float
 
 
-def fit_sine(time: ArrayLike, values: ArrayLike, frequency: float) -> SineFit:
-    """Fit a sine of known frequency (Hz) to values. Raises ValueError for fewer than four points."""
+def fit_sine(time: ArrayLike, values: ArrayLike, frequency: float, *, harmonics: int = 1) -> SineFit:
+    """Fit a sine of known frequency (Hz) to values, with so many ``harmonics``, itself among them.
+
+    Amplitude and phase are those of the sine itself. Raises ValueError for fewer than four points, or two a harmonic.
+    """
     t, v = np.asarray(time, dtype=np.float64), np.asarray(values, dtype=np.float64)
-    if t.size < _FEWEST or t.size != v.size:
-        raise ValueError(f"a sine needs {_FEWEST} points or more, one time for each value: {t.size} and {v.size}")
-    angle = 2.0 * np.pi * frequency * t
-    columns = np.column_stack([np.sin(angle), np.cos(angle), np.ones_like(t)])
+    fewest = max(_FEWEST, 2 * harmonics + 2)
+    if t.size < fewest or t.size != v.size:
+        raise ValueError(f"a sine needs {fewest} points or more, one time for each value: {t.size} and {v.size}")
+    angles = 2.0 * np.pi * frequency * t[:, None] * np.arange(1, harmonics + 1)
+    columns = np.hstack([np.sin(angles), np.cos(angles), np.ones((t.size, 1))])
     found, *_ = np.linalg.lstsq(columns, v, rcond=None)
-    sine, cosine, mean = (float(one) for one in found)
+    sine, cosine, mean = float(found[0]), float(found[harmonics]), float(found[-1])
     left = v - columns @ found
     return SineFit(
         amplitude=float(np.hypot(sine, cosine)),

@@ -58,3 +58,18 @@ def test_too_few_points_are_refused():
     """Three unknowns need more than three points."""
     with pytest.raises(ValueError, match="4 points"):
         fit_sine([0, 1, 2], [0, 1, 0], 1.0)
+
+
+def test_harmonics_take_what_repeats_with_the_sine():
+    """What is left is the noise; amplitude and phase are those of the sine itself."""
+    time = np.arange(0.0, 4.0, 0.01)
+    noise = 0.05 * np.random.default_rng(1).standard_normal(time.size)
+    wave = 2.0 * np.sin(2 * np.pi * 0.5 * time - 0.3)
+    flat = np.clip(wave, -1.8, 1.8)  # stands still where it turns
+    alone, whole = (fit_sine(time, flat + noise, 0.5, harmonics=count) for count in (1, 15))
+    assert alone.rms > 0.07
+    assert whole.rms == pytest.approx(0.05, rel=0.1)
+    assert whole.amplitude == pytest.approx(alone.amplitude, rel=0.01)
+    assert whole.phase == pytest.approx(0.3, abs=0.01)
+    with pytest.raises(ValueError, match="32 points or more"):
+        fit_sine(time[:31], wave[:31], 0.5, harmonics=15)
