@@ -16,6 +16,7 @@ def test_a_push_is_found_with_both_signs_of_the_gains(kp, sign):
     """Gains are negative for motors that are mounted in reverse, as on most joints of an arm."""
     part = SimpleNamespace(names=["elbow"])
     test = kept_test("JointLimits", robot_part=part, gains={0: Pid(kp=kp, max_output=60.0)}, beyond=[2.0], near=[0.5])
+    test.outputs_known = True
     test.wanted = {"upper": [np.nan], "lower": [np.nan]}
     side = SimpleNamespace(name="upper" if sign > 0 else "lower", limit=80.0 * sign, sign=sign)
     reached, asked = (SimpleNamespace(position=80.0 * sign, output=sign * error * kp) for error in (0.2, 2.2))
