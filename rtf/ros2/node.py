@@ -161,8 +161,8 @@ class Node:
         reader = DataReader(
             self._participant, self._topic("rt", topic, kind), qos=qos or default_qos(), listener=arrival
         )
-        arrival.on_data_available(reader)  # what has arrived while it was made
         self._add([], [reader], arrival)
+        arrival.begin(reader)
 
     def serve(self, name: str, service: Service[Q, A], answer: Callable[[Q], A]) -> None:
         """Answer the requests of a service by ``answer``, in a thread of the service. Raises Ros2Error."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cyclonedds.core import Listener
@@ -10,7 +11,6 @@ from cyclonedds.idl import IdlStruct
 from rtf.ros2.errors import MalformedMessageError
 
 if TYPE_CHECKING:
-    import threading
     import uuid
     from collections.abc import Callable, Iterator
 
@@ -46,20 +46,32 @@ class Source(NamedTuple):
 
 
 class Arrival(Listener):
-    """Calls back with each message and its source, in a thread of the DDS, which an error must not end."""
+    """Calls back with each message and its source, in a thread of the DDS, which an error must not end.
+
+    The library calls it while the reader is still being made: messages wait until :meth:`begin`.
+    """
 
     def __init__(self, callback: Callable[[Any, Source], object], report: Callable[[str], None]) -> None:
         super().__init__()  # type: ignore[no-untyped-call]
         self._callback, self._report = callback, report
+        self._begun = threading.Event()
+        self._order = threading.RLock()
 
-    def on_data_available(self, reader: DataReader[Any] | None) -> None:
-        if reader is None:
-            return  # it is being made
-        for message in taken(reader, self._report):
-            try:
-                self._callback(message, Source(reader, message.sample_info.publication_handle))
-            except Exception as error:  # noqa: BLE001 - whatever it is, the next message is taken
-                self._report(f"{reader.topic.name}: {type(error).__name__}: {error}")
+    def begin(self, reader: DataReader[Any]) -> None:
+        """Call back with what has arrived so far, and from now on with all that arrives."""
+        with self._order:
+            self._begun.set()
+            self.on_data_available(reader)
+
+    def on_data_available(self, reader: DataReader[Any]) -> None:
+        if not self._begun.is_set():
+            return
+        with self._order:
+            for message in taken(reader, self._report):
+                try:
+                    self._callback(message, Source(reader, message.sample_info.publication_handle))
+                except Exception as error:  # noqa: BLE001 - whatever it is, the next message is taken
+                    self._report(f"{reader.topic.name}: {type(error).__name__}: {error}")
 
 
 class Changes(Listener):

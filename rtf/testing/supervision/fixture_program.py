@@ -11,8 +11,10 @@ import errno
 import itertools
 import os
 import select
+import shutil
 import signal
 import subprocess
+import sys
 import threading
 from dataclasses import dataclass
 from pathlib import Path
@@ -54,6 +56,14 @@ class ProgramEnd:
         return processes.describe_end(self.exit_status, self.signal)
 
 
+def _beside_python(file: str, environ: Mapping[str, str]) -> str:
+    """Return a program's file, which is beside Python's where an environment such as ``.venv`` is not active."""
+    beside = Path(sys.executable).with_name(file) if file and "/" not in file else None
+    if beside is None or shutil.which(file, path=environ.get("PATH")) or not beside.is_file():
+        return file
+    return str(beside)
+
+
 class FixtureProgram:
     """One run of a program. ``name`` is that for people, such as *the simulator*; else the program's file name.
 
@@ -72,12 +82,13 @@ class FixtureProgram:
         directory: str | Path | None = None,
         heard: Callable[[str], object] = lambda _: None,
     ) -> None:
-        self.words = tuple(words)
+        self._environ = {**os.environ, "PYTHONUNBUFFERED": "1", **(variables or {})}
+        self.words = (_beside_python(words[0], self._environ), *words[1:])
         self.name = name or Path(self.words[0]).name
         self.end: ProgramEnd | None = None
         self._fixture = fixture
         self._mark = f"{os.getpid()}-{next(_numbers)}"
-        self._environ = {**os.environ, "PYTHONUNBUFFERED": "1", **(variables or {}), _MARK: self._mark}
+        self._environ[_MARK] = self._mark
         self._directory = directory
         self._heard = heard
         self._tail = Tail()
