@@ -10,12 +10,13 @@ from __future__ import annotations
 import argparse
 import os
 import socket
-import statistics
 import subprocess
 import sys
 import tempfile
-import threading
 import time
+
+import ros_topics
+from ros_topics import JOINTS, OF_A_PART, round_trips, tell
 
 from rtf.ros1.errors import MasterError
 from rtf.ros1.master import Master
@@ -77,49 +78,16 @@ def state(joints: int) -> object:
     return JointState(Header(1, time_of(1.5), ""), [f"joint_{number}" for number in range(joints)], *[numbers] * 3)
 
 
-def round_trips(node: Node, count: int) -> list[float]:
-    """Milliseconds of round trips."""
-    back = threading.Event()
-    node.subscribe("back", JointState, lambda _: back.set())
-    there, message = node.publisher("there", JointState), state(53)
-    while not back.is_set():  # until both ends have found each other
-        there.publish(message)
-        back.wait(0.1)
-    times = []
-    for _ in range(count):
-        back.clear()
-        begun = time.perf_counter()
-        there.publish(message)
-        if back.wait(1.0):
-            times.append(1e3 * (time.perf_counter() - begun))
-    return times
-
-
 def load(node: Node, seconds: float) -> float:
     """The share of a core that publishing takes."""
-    states = node.publisher("states", JointState)
     cameras = [node.publisher(name, Image) for name in ("left", "right")]
-    picture = bytes(320 * 240 * 3)
-    parts = [state(9) for _ in range(6)]
-    used, begun = time.process_time(), time.perf_counter()
-    ticks = 0
-    while time.perf_counter() - begun < seconds:
-        for part in parts:
-            states.publish(part)
-        if ticks % 10 in (0, 3, 6):
-            for camera in cameras:
-                camera.publish(Image(Header(), 240, 320, "rgb8", 0, 960, picture))
-        ticks += 1
-        time.sleep(max(begun + 0.01 * ticks - time.perf_counter(), 0.0))
-    return (time.process_time() - used) / (time.perf_counter() - begun)
-
-
-def tell(what: str, times: list[float], count: int) -> None:
-    """Print the figures of round trips."""
-    ordered = sorted(times)
-    print(
-        f"JointState of 53 joints, round trip, {what}: median {statistics.median(ordered):.2f} ms, "
-        f"p95 {ordered[int(0.95 * len(ordered))]:.2f} ms, {len(ordered)} of {count}"
+    pixels = bytes(320 * 240 * 3)
+    return ros_topics.load(
+        node.publisher("states", JointState),
+        cameras,
+        state(OF_A_PART),
+        lambda: Image(Header(), 240, 320, "rgb8", 0, 960, pixels),
+        seconds,
     )
 
 
@@ -156,7 +124,7 @@ def main() -> None:
             with Node("here") as node, subprocess.Popen(command, env=environment, stdout=-1) as other:
                 assert other.stdout is not None
                 other.stdout.readline()
-                tell(what, round_trips(node, options.count), options.count)
+                tell(f", {what}", round_trips(node, JointState, state(JOINTS), options.count), options.count)
                 share = 100 * load(node, options.seconds)
                 print(f"6 parts at 100 Hz, 2 cameras at 30 Hz, {what}: {share:.0f} % of a core")
                 other.kill()
@@ -165,7 +133,7 @@ def main() -> None:
             other.stdout.readline()
             ping = ["/usr/bin/python3", "-c", PING, str(options.count)]
             done = subprocess.run(ping, env=system, capture_output=True, text=True, check=True)
-            tell("rospy with rospy", [float(line) for line in done.stdout.split()], options.count)
+            tell(", rospy with rospy", [float(line) for line in done.stdout.split()], options.count)
             other.kill()
         master.terminate()
 

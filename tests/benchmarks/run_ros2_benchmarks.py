@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import argparse
 import os
-import statistics
 import subprocess
 import sys
-import threading
-import time
+
+import ros_topics
+from ros_topics import JOINTS, OF_A_PART, round_trips, tell
 
 from rtf.ros2.messages import Header, Image, JointState, String, Time
 from rtf.ros2.node import Node, Publisher
@@ -43,41 +43,17 @@ def state(joints: int) -> JointState:
     )
 
 
-def round_trips(node: Node, count: int) -> list[float]:
-    """Milliseconds of round trips."""
-    back = threading.Event()
-    node.subscribe("back", JointState, lambda _: back.set())
-    there, message = node.publisher("there", JointState), state(53)
-    while not back.is_set():  # until both ends have found each other
-        there.publish(message)
-        back.wait(0.1)
-    times = []
-    for _ in range(count):
-        back.clear()
-        begun = time.perf_counter()
-        there.publish(message)
-        if back.wait(1.0):
-            times.append(1e3 * (time.perf_counter() - begun))
-    return times
-
-
 def load(node: Node, seconds: float) -> float:
     """The share of a core that publishing takes."""
-    states = node.publisher("states", JointState)
     cameras: list[Publisher[Image]] = [node.publisher(name, Image) for name in ("left", "right")]
-    picture = bytes(320 * 240 * 3)
-    parts = [state(9) for _ in range(6)]
-    used, begun = time.process_time(), time.perf_counter()
-    ticks = 0
-    while time.perf_counter() - begun < seconds:
-        for part in parts:
-            states.publish(part)
-        if ticks % 10 in (0, 3, 6):
-            for camera in cameras:
-                camera.publish(Image(Header(), 240, 320, "rgb8", 0, 960, picture))
-        ticks += 1
-        time.sleep(max(begun + 0.01 * ticks - time.perf_counter(), 0.0))
-    return (time.process_time() - used) / (time.perf_counter() - begun)
+    pixels = bytes(320 * 240 * 3)
+    return ros_topics.load(
+        node.publisher("states", JointState),
+        cameras,
+        state(OF_A_PART),
+        lambda: Image(Header(), 240, 320, "rgb8", 0, 960, pixels),
+        seconds,
+    )
 
 
 def main() -> None:
@@ -89,12 +65,8 @@ def main() -> None:
     with Node("here", domain=DOMAIN) as node, subprocess.Popen([sys.executable, "-c", ECHO], stdout=-1) as other:
         assert other.stdout is not None
         other.stdout.readline()
-        times = sorted(round_trips(node, options.count))
         print(f"load {os.getloadavg()[0]:.1f}")
-        print(
-            f"JointState of 53 joints, round trip: median {statistics.median(times):.2f} ms, "
-            f"p95 {times[int(0.95 * len(times))]:.2f} ms, {len(times)} of {options.count}"
-        )
+        tell("", round_trips(node, JointState, state(JOINTS), options.count), options.count)
         print(f"6 parts at 100 Hz, 2 cameras at 30 Hz: {100 * load(node, options.seconds):.0f} % of a core")
         node.publisher("end", String).publish(String("over"))
         other.terminate()
