@@ -50,10 +50,12 @@ class RemoteFunction:
     oneway: bool = False
     doc: str = ""
     attribute: str = ""
+    _puts: tuple[Callable[[Any], object], ...] = field(init=False, repr=False, compare=False)
     _takes: tuple[Callable[[Sequence[Value], int], Any], ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Prepare reading of arguments of one element each, as most calls have them."""
+        """Prepare writing of arguments, and reading of those of one element each, as most calls have them."""
+        object.__setattr__(self, "_puts", tuple(one.type.put for one in self.arguments))
         simple = all(one.type.width == 1 for one in self.arguments)
         object.__setattr__(self, "_takes", tuple(one.type.take for one in self.arguments) if simple else ())
 
@@ -69,7 +71,7 @@ class RemoteFunction:
 
     def request(self, values: Sequence[object]) -> Record:
         """Return the message of a call. Raises BottleError for a value of another type."""
-        put = [one.type.put(value) for one, value in zip(self.arguments, values, strict=False)]
+        put = [put(value) for put, value in zip(self._puts, values, strict=False)]
         return Record(*_words(self.name), *put)
 
     def run(self, method: Callable[..., Any], *elements: Value) -> object:

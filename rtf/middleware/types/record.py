@@ -36,6 +36,7 @@ OK, FAILED = Vocab("ok"), Vocab("fail")
 #: A record of at most this many bytes is sent in one piece.
 _COPIED = 64 << 10
 _SCALARS = (int, float, str, bytes, Vocab)
+_WORDS = (str, Vocab)
 _SHORT = 4
 _STRING, _INT32 = Kind.STRING.value, Kind.INT32.value
 _INT32_MAX = 2**31 - 1
@@ -138,12 +139,21 @@ class FunctionNames:
     def __init__(self, functions: Iterable[str]) -> None:
         self._known = frozenset(functions)
         self._most = 1 + max((name.count("_") for name in self._known), default=0)
+        longer = {name.rpartition("_")[0] for name in self._known}
+        #: Those of one word that begin no other one, by this word: most calls are found at once.
+        self._alone: dict[object, str] = {}
+        for name in self._known:
+            if "_" not in name and not any(other == name or other.startswith(f"{name}_") for other in longer):
+                self._alone |= dict.fromkeys((name, *call(name).fields), name)
 
     def read(self, request: Bottle) -> tuple[str, Bottle] | None:
         """Return the called function and its arguments, as :func:`read_call`."""
+        elements = request.elements()
+        if elements and type(elements[0]) in _WORDS and (alone := self._alone.get(elements[0])) is not None:
+            return alone, request[1:]
         name, found = "", 0
         called = ""
-        for place, value in enumerate(request.elements()[: self._most], 1):
+        for place, value in enumerate(elements[: self._most], 1):
             if not isinstance(value, (str, Vocab)):
                 break
             name = f"{name}_{value}" if name else str(value)
