@@ -80,6 +80,7 @@ def gaze(words: Sequence[str]) -> int:
     from rtf.middleware.clocks.network_clock import clock_from_environment
     from rtf.robot import parameters
     from rtf.robot.device import make_device
+    from rtf.robot.gaze.device import GazeControllerDevice
     from rtf.robot.interface.network_program import await_ports, run_program, say, use_clock
 
     use_clock(options.clock)
@@ -91,6 +92,8 @@ def gaze(words: Sequence[str]) -> int:
         for sentence in _not_used(settings):
             say(sentence)
         device = make_device("gazecontrollerserver", settings, network=network)
+        assert isinstance(device, GazeControllerDevice)
+        device.quit_program = end.set
         parts = [as_string(settings.get(part, part)) for part in ("head", "torso")]
         boards = [f"/{robot}/{part}" for part in parts if part != "off"]
         await_ports(

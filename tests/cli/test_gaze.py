@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 import pytest
 
 from gaze_bench import EYES
-from rtf.bottle import Property
+from rtf.bottle import Bottle, Property, Vocab
 from rtf.middleware.naming import configuration
 from rtf.middleware.naming.server import NameServer
 from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.rpc import RpcClient
 from rtf.robot.device import make_device
 from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import FixationPoint, IEncoders, IGazeControl, StereoPixels
@@ -106,7 +107,7 @@ def test_a_robot_is_moved_as_by_the_original(lab: Lab):
 
 
 def test_a_robot_without_torso_and_gyroscope(lab: Lab):
-    """By options, which go before the file; it ends by Ctrl-C."""
+    """By options, which go before the file; it ends by a request."""
     (lab.folder / "mine.ini").write_text("robot nobody\nsaccades on\n[imu]\nmode off\nfilter on\n")
     words = ("--robot", "icubSim", "--from", "mine.ini", "--torso", "off", "--saccades", "off")
     program, said = lab.ready("gaze", *words)
@@ -116,7 +117,8 @@ def test_a_robot_without_torso_and_gyroscope(lab: Lab):
         assert (gaze.vor_gain(), gaze.ocr_gain(), gaze.saccades()) == (0.0, 1.0, False)
         with pytest.raises(RefusedError):
             gaze.set_stabilization(True)
-    program.send_signal(signal.SIGINT)
+    with RpcClient("", "/iKinGazeCtrl/rpc", network=lab.network) as client:
+        assert client.call(Bottle(["quit"])) == Bottle([Vocab("bye")])
     assert program.wait(20.0) == 0
 
 
@@ -140,6 +142,6 @@ def test_a_signal_ends_the_wait_for_a_robot(lab: Lab):
     """It does not last until the robot comes."""
     program, said = lab.start("gaze", "--robot", "nobody", "--imu::unknown", "1")
     eventually(lambda: "unknown" in said.read_text(), "it does not start", 30.0)
-    program.send_signal(signal.SIGTERM)
+    program.send_signal(signal.SIGINT)
     assert program.wait(20.0) == 0
     assert "FAILED" not in said.read_text()

@@ -44,7 +44,7 @@ from rtf.robot.network.request_table import VERSION, array
 from rtf.robot.network.task_server import ControlledServer
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from rtf.robot.device import Device
     from rtf.robot.interfaces import Eye, FloatArray
@@ -66,6 +66,9 @@ class GazeControllerDevice(PublishingDevice):
     unit = _MILLISECOND
     default_period = 10.0
     default_name = "/iKinGazeCtrl"
+
+    #: Ends the program of the controller, if that is its own.
+    quit_program: Callable[[], None] | None = None
 
     _views: EyeViews
     _gyroscope: IMultipleAnalogSensors | None = None
@@ -149,7 +152,14 @@ class GazeControllerDevice(PublishingDevice):
             period=self.period,
             info=[("server_version", VERSION), ("head_version", self._version)],
         )
-        server = GazeServer(controller, self.port_name, network=self.network, period=self.period, outlets=self.outlets)
+        server = GazeServer(
+            controller,
+            self.port_name,
+            network=self.network,
+            period=self.period,
+            outlets=self.outlets,
+            quit_program=self.quit_program,
+        )
         return ControlledServer(controller, server)
 
     def _rotation(self) -> FloatArray:
