@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.interfaces import PidType
 from rtf.robot_testing import Safety
+from rtf.robot_testing.judging.friction_hold import friction_reach
 from rtf.robot_testing.step_test import StepTest
 from rtf.testing import Parameter
 
@@ -67,16 +68,12 @@ class PositionControlAccuracy(StepTest):
         self.hidden = {joint: self._hidden(pid, joint) for joint, pid in pids.items()}
         self.stuck = {joint: self._stuck(pid, joint) for joint, pid in pids.items()}
 
-    def _reach(self, pid: Pid) -> float:
-        """Return the error (deg) whose proportional part is the friction."""
-        return self.friction / 100.0 * abs(pid.max_output) / abs(pid.kp) if pid.kp else math.inf
-
     def _stuck(self, pid: Pid, joint: int) -> float:
         """Return for how long (s) friction holds a joint before the last tenth of a step, until the integral has grown.
 
         The proportional part lacks a share of the friction there; at most the rise time is allowed once more.
         """
-        reach, left = self._reach(pid), 0.1 * self.room(joint)
+        reach, left = friction_reach(pid, self.friction), 0.1 * self.room(joint)
         if reach <= left or not pid.ki:
             return 0.0
         return min(abs(pid.kp / pid.ki) * (1.0 - left / reach), self.rise_time)
@@ -88,7 +85,7 @@ class PositionControlAccuracy(StepTest):
         the friction; the deviation of a uniform distribution is half its width by the root of three. Weak controllers,
         such as those of fingers, have wider intervals. At most a quarter of the step is allowed.
         """
-        return min(self._reach(pid) / math.sqrt(3.0), self.room(joint) / 4)
+        return min(friction_reach(pid, self.friction) / math.sqrt(3.0), self.room(joint) / 4)
 
     def most_rise(self, joint: int) -> float:
         return self.rise_time + self.stuck[joint]
