@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from rtf.middleware.ports.network import Network
     from rtf.middleware.wire.incoming_message import IncomingMessage
     from rtf.robot.device import Device
-    from rtf.ros.robot import RobotTopics
+    from rtf.ros.topics import RobotTopics
 
 T = TypeVar("T")
 #: Looks at the states in the period of one message: with one, states of the same rate would be missed.

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -73,25 +73,6 @@ class Inertia:
     orientation: list[float]
     speed: list[float]
     acceleration: list[float]
-
-
-class RobotTopics(Protocol):
-    """The topics of a node. Each function makes a publisher. Those raise RosError, and so do publishers."""
-
-    def joint_states(self, topic: str) -> Callable[[JointStates], object]:
-        """Publish ``sensor_msgs/JointState``."""
-
-    def pictures(self, topic: str) -> Callable[[Picture], object]:
-        """Publish ``sensor_msgs/Image``."""
-
-    def forces(self, topic: str) -> Callable[[Force], object]:
-        """Publish ``geometry_msgs/WrenchStamped``."""
-
-    def inertias(self, topic: str) -> Callable[[Inertia], object]:
-        """Publish ``sensor_msgs/Imu``."""
-
-    def times(self, topic: str) -> Callable[[float], object]:
-        """Publish ``rosgraph_msgs/Clock``."""
 
 
 class PartStates:
