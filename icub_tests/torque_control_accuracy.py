@@ -29,6 +29,8 @@ _HOLDING = 0.2
 _TOLERANCE = 0.1
 #: Greatest step, as a share of the greatest torque of its joint.
 _WEAKEST = 0.1
+#: Speed at which a joint is on its way, as a share of the greatest speed of its moves.
+_ON_ITS_WAY = 0.05
 
 
 class TorqueControlAccuracy(CoupledStepTest):
@@ -124,10 +126,14 @@ class TorqueControlAccuracy(CoupledStepTest):
     def begins(self, joint: int, elapsed: float) -> bool:
         """Begin earlier with a joint that is on its way: an error that is allowed can move a light one so far.
 
-        Whether it is, is judged by the torques.
+        Whether it is, is judged by the torques. The step makes a light joint nearly too fast within the time that is
+        needed to judge it, and the speed it has before is added.
         """
-        moved = abs(self.robot_part.board.encoder(joint) - self.starts[joint][0])
-        return super().begins(joint, elapsed) or (elapsed >= self.shortest and moved > 0.5 * self.travel)
+        if elapsed < self.shortest or super().begins(joint, elapsed):
+            return elapsed >= self.shortest
+        part = self.robot_part
+        moved, speed = abs(part.board.encoder(joint) - self.starts[joint][0]), abs(part.board.encoder_speeds(joint)[0])
+        return moved > 0.5 * self.travel or speed > _ON_ITS_WAY * float(part.fastest[joint])
 
     def enough(self, joint: int, after: float) -> bool:
         """End the step of a joint that has moved far, or of one that became fast after it could be judged.
