@@ -13,18 +13,19 @@ from rtf.resources.errors import (
     ResourceReadError,
     ResourceSyntaxError,
 )
-from rtf.resources.finder import Place, PlaceStatus, Policy, ResourceFinder, Search
-from rtf.resources.lines import Diagnostic, DiagnosticKind
-from rtf.resources.parameters import DEFAULT_CONTEXT, Parameters, find_parameters
-from rtf.resources.property_file import (
-    MAX_FILES,
-    MAX_INCLUDE_DEPTH,
-    MAX_SIZE,
-    PropertyFile,
+from rtf.resources.finder import (
+    Place,
+    PlaceStatus,
+    Policy,
+    ResourceFinder,
+    Search,
     parse_property_text,
     read_property_directory,
     read_property_file,
 )
+from rtf.resources.lines import Diagnostic, DiagnosticKind
+from rtf.resources.parameters import DEFAULT_CONTEXT, Parameters, find_parameters
+from rtf.resources.property_file import MAX_FILES, MAX_INCLUDE_DEPTH, MAX_SIZE, PropertyFile
 
 __all__ = [
     "DEFAULT_CONTEXT",

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtf.bottle import as_string
+from rtf.bottle import Property, as_string
 from rtf.resources.errors import ResourceError
-from rtf.resources.property_file import read_property_file
+from rtf.resources.property_file import Reader
 
 if TYPE_CHECKING:
     import os
@@ -74,8 +74,9 @@ def _path_d(folder: Path, environment: Mapping[str, str]) -> Iterator[Directory]
     """Yield the directories that the files of a ``path.d`` folder add."""
     if not folder.is_dir():
         return
+    properties, reader = Property(), Reader(None, environment)
     try:
-        properties = read_property_file(folder, environment=environment).properties
+        reader.read(properties, str(folder), reader.trail, None)
     except ResourceError as error:
         yield Directory(folder, "path.d", str(error))
         return

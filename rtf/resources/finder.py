@@ -1,4 +1,4 @@
-"""The resource finder: it searches YARP's places in YARP's order, and reports all of them.
+"""The resource finder: it searches YARP's places in YARP's order, and reports all of them; and reading what it finds.
 
 YARP reports only the file that it chose. A file of the same name in the current directory silently takes precedence
 over the intended one, so here every search lists its places: the chosen file, existing files with lower precedence, and
@@ -14,10 +14,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf.bottle import Property, as_string, to_string
+from rtf.errors import Location
 from rtf.resources.arguments import parse_arguments
 from rtf.resources.directories import Directory, PathDirectories
 from rtf.resources.errors import ResourceNotFoundError
-from rtf.resources.property_file import PropertyFile, read_property_file
+from rtf.resources.lines import split_lines
+from rtf.resources.property_file import PropertyFile, Reader, files_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -196,6 +198,72 @@ class ResourceFinder:
 def not_found(search: Search) -> ResourceNotFoundError:
     """Return the error of a search without result, with its places."""
     return ResourceNotFoundError("\n".join(search.lines()))
+
+
+# Reading configuration files, which may import others that the finder finds -----------------------------------------
+
+
+def read_property_file(
+    path: str | os.PathLike[str],
+    *,
+    variables: Property | None = None,
+    environment: Mapping[str, str] | None = None,
+    cwd: str | os.PathLike[str] | None = None,
+) -> PropertyFile:
+    """Read a file, or all ``*.ini`` files of a directory in the order of their names.
+
+    ``variables`` define names for ``${name}``; their key ``CONFIG_PATH`` lists additional directories, separated by
+    ``;``, to search for files. ``environment`` defaults to the process's, ``cwd`` to the process's directory. Raises
+    only :class:`ResourceError`.
+    """
+    reader = _reader(variables, environment, cwd)
+    target = Property()
+    reader.read(target, os.fspath(path), reader.trail, None)
+    return reader.result(target)
+
+
+def read_property_directory(
+    path: str | os.PathLike[str],
+    section_list: str,
+    *,
+    variables: Property | None = None,
+    environment: Mapping[str, str] | None = None,
+) -> PropertyFile:
+    """Read every ``*.ini`` of a directory into a section of its own, named by its path and listed in ``section_list``.
+
+    The other arguments and the errors are those of :func:`read_property_file`.
+    """
+    reader = _reader(variables, environment, None)
+    target = Property()
+    for file in files_of(Path(path), None):
+        reader.include_section(target, str(file), str(file), reader.trail, None)
+        reader.add_to_list(target, section_list, str(file), Location(str(file)))
+    return reader.result(target)
+
+
+def parse_property_text(
+    text: str,
+    *,
+    file: str = "<string>",
+    variables: Property | None = None,
+    environment: Mapping[str, str] | None = None,
+    cwd: str | os.PathLike[str] | None = None,
+) -> PropertyFile:
+    """Parse text as the contents of ``file``; otherwise like :func:`read_property_file`."""
+    reader = _reader(variables, environment, cwd)
+    target = Property()
+    reader.charge(len(text), Location(file))
+    reader.read_lines(target, split_lines(text, file), reader.trail)
+    return reader.result(target)
+
+
+def _reader(
+    variables: Property | None, environment: Mapping[str, str] | None, cwd: str | os.PathLike[str] | None
+) -> Reader:
+    def find(context: str, name: str) -> Path | None:
+        return ResourceFinder(contexts=[context], environment=environment, cwd=cwd).search(name).path
+
+    return Reader(variables, environment, cwd, find)
 
 
 def _exists(path: Path, *, directory: bool) -> bool:

@@ -9,8 +9,7 @@ from rtf.bottle import Property, as_string, to_string
 from rtf.errors import Location
 from rtf.resources.arguments import parse_arguments, split_arguments
 from rtf.resources.errors import ResourceSyntaxError
-from rtf.resources.finder import ResourceFinder, Search, not_found
-from rtf.resources.property_file import read_property_file
+from rtf.resources.finder import ResourceFinder, Search, not_found, read_property_file
 
 if TYPE_CHECKING:
     import os

@@ -27,7 +27,7 @@ from rtf.resources.lines import Diagnostic, DiagnosticKind, Line, join_lines, sp
 from rtf.resources.variables import Variables
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
     from rtf.resources.lines import LogicalLine
 
@@ -50,60 +50,6 @@ class PropertyFile:
     files: tuple[str, ...] = ()
 
 
-def read_property_file(
-    path: str | os.PathLike[str],
-    *,
-    variables: Property | None = None,
-    environment: Mapping[str, str] | None = None,
-    cwd: str | os.PathLike[str] | None = None,
-) -> PropertyFile:
-    """Read a file, or all ``*.ini`` files of a directory in the order of their names.
-
-    ``variables`` define names for ``${name}``; their key ``CONFIG_PATH`` lists additional directories, separated by
-    ``;``, to search for files. ``environment`` defaults to the process's, ``cwd`` to the process's directory. Raises
-    only :class:`ResourceError`.
-    """
-    reader = _Reader(variables, environment, cwd)
-    target = Property()
-    reader.read(target, os.fspath(path), reader.trail, None)
-    return reader.result(target)
-
-
-def read_property_directory(
-    path: str | os.PathLike[str],
-    section_list: str,
-    *,
-    variables: Property | None = None,
-    environment: Mapping[str, str] | None = None,
-) -> PropertyFile:
-    """Read every ``*.ini`` of a directory into a section of its own, named by its path and listed in ``section_list``.
-
-    The other arguments and the errors are those of :func:`read_property_file`.
-    """
-    reader = _Reader(variables, environment, None)
-    target = Property()
-    for file in _files_of(Path(path), None):
-        reader.include_section(target, str(file), str(file), reader.trail, None)
-        reader.add_to_list(target, section_list, str(file), Location(str(file)))
-    return reader.result(target)
-
-
-def parse_property_text(
-    text: str,
-    *,
-    file: str = "<string>",
-    variables: Property | None = None,
-    environment: Mapping[str, str] | None = None,
-    cwd: str | os.PathLike[str] | None = None,
-) -> PropertyFile:
-    """Parse text as the contents of ``file``; otherwise like :func:`read_property_file`."""
-    reader = _Reader(variables, environment, cwd)
-    target = Property()
-    reader.charge(len(text), Location(file))
-    reader.read_lines(target, split_lines(text, file), reader.trail)
-    return reader.result(target)
-
-
 @dataclass(frozen=True, slots=True)
 class _Trail:
     """The search directories of included files, and the files that are being read, outermost first."""
@@ -112,33 +58,41 @@ class _Trail:
     chain: tuple[str, ...] = ()
 
 
-class _Reader:
-    """The reading of a configuration with all its includes: the limits, and the diagnostics."""
+class Reader:
+    """The reading of a configuration with all its includes: the limits, and the diagnostics.
+
+    ``find`` returns the file of a context, for ``[import context file]``; without it such a line is an error.
+    """
 
     def __init__(
         self,
         variables: Property | None,
         environment: Mapping[str, str] | None,
-        cwd: str | os.PathLike[str] | None,
+        cwd: str | os.PathLike[str] | None = None,
+        find: Callable[[str, str], Path | None] | None = None,
     ) -> None:
         given = Property() if variables is None else variables
         self._environment = os.environ if environment is None else environment
         self._variables = Variables(self._environment, given)
         self._cwd = Path.cwd() if cwd is None else Path(cwd)
+        self._find = find
         self._diagnostics: list[Diagnostic] = []
         self._files: list[str] = []
         self._size = 0
         self.trail = _Trail(tuple(part for part in as_string(given.find("CONFIG_PATH")).split(";") if part))
 
     def result(self, properties: Property) -> PropertyFile:
+        """Return the keys with what was found while they were read."""
         return PropertyFile(properties, tuple(self._diagnostics), tuple(self._files))
 
     def charge(self, size: int, location: Location | None) -> None:
+        """Count characters that are read or expanded. Raises :class:`ResourceLimitError` when they are too many."""
         self._size += size
         if self._size > MAX_SIZE:
             raise ResourceLimitError(f"the configuration is larger than {MAX_SIZE} characters", location)
 
     def report(self, diagnostic: Diagnostic) -> None:
+        """Keep a diagnostic, unless there are too many."""
         if len(self._diagnostics) < MAX_DIAGNOSTICS:
             self._diagnostics.append(diagnostic)
 
@@ -175,7 +129,7 @@ class _Reader:
         return split_lines(text, str(path))
 
     def _directory_lines(self, path: Path, location: Location | None) -> Iterator[Line]:
-        for file in _files_of(path, location):
+        for file in files_of(path, location):
             yield from self._file_lines(file, location)
             yield Line("[]", str(file), 0)
 
@@ -246,6 +200,7 @@ class _Reader:
         return name
 
     def add_to_list(self, target: Property, key: str, name: str, location: Location) -> None:
+        """Add a name to the list that a key holds, which begins with the first one."""
         names = target.find_group(key)
         if names is None:
             target.put(key, name, location=location)
@@ -284,15 +239,14 @@ class _Reader:
                 target.locate(place, section, key)
 
     def _import(self, target: Property, words: list[str], location: Location, trail: _Trail) -> None:
-        from rtf.resources.finder import ResourceFinder
-
         if len(words) + 1 != _IMPORT_SIZE:
             raise ResourceSyntaxError("an import is [import context file]", location)
-        finder = ResourceFinder(environment=self._environment, cwd=self._cwd, contexts=[words[0]])
-        search = finder.search(words[1])
-        if search.path is None:
+        if self._find is None:
+            raise ResourceIncludeError("a file that says where to search cannot import another", location)
+        path = self._find(*words)
+        if path is None:
             raise ResourceNotFoundError(f"there is no file {words[1]!r} in the context {words[0]!r}", location)
-        self.read(target, str(search.path), trail, location)
+        self.read(target, str(path), trail, location)
 
 
 def _is_readable(path: Path) -> bool:
@@ -302,7 +256,8 @@ def _is_readable(path: Path) -> bool:
         return False
 
 
-def _files_of(path: Path, location: Location | None) -> list[Path]:
+def files_of(path: Path, location: Location | None) -> list[Path]:
+    """Return the ``*.ini`` files of a directory, in the order of their names."""
     try:
         return sorted(file for file in path.iterdir() if file.name.endswith(".ini"))
     except OSError as error:

@@ -148,6 +148,14 @@ def test_path_d(world: World):
     assert "path.d, icub" in str(search.places[-1])
 
 
+def test_an_import_in_path_d_is_ignored_and_reported(world: World):
+    """A path.d file says where to search, so it cannot import a file that would have to be searched for."""
+    world.file("data_1/config/path.d/bad.ini", "[import context file.ini]")
+    search = world.finder().search("x.ini")
+    assert search.places[-1].status is SKIPPED
+    assert "cannot import" in search.places[-1].note
+
+
 def test_a_broken_path_d_is_ignored_and_reported(world: World):
     """A damaged path.d file is skipped, with a note in the search."""
     world.file("data_1/config/path.d/bad.ini", "[include a b c d]")
