@@ -19,7 +19,7 @@ from rtf.robot_testing.judging.png import png
 from rtf.robot_testing.stream_test import RateTest
 from rtf.robot_testing.streams.stream_statistics import within
 from rtf.testing import Parameter
-from rtf.testing.verdict import MeasurementVerdict
+from rtf.testing.measurement import MeasurementVerdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

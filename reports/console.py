@@ -42,10 +42,11 @@ from rtf.testing.events import (
     TestEnded,
     TestStarted,
 )
+from rtf.testing.measurement import MeasurementVerdict
 from rtf.testing.report import text as report_text
 from rtf.testing.report.text import measurement, one_line, place, problem_text, sentence, shown
 from rtf.testing.reporting import Reporter, ReportOptions
-from rtf.testing.verdict import FixtureState, MeasurementVerdict, Severity, Verdict
+from rtf.testing.verdict import FixtureState, Severity, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable

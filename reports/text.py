@@ -43,10 +43,11 @@ from rtf.testing.events import (
     TestEnded,
     TestStarted,
 )
+from rtf.testing.measurement import MeasurementVerdict
 from rtf.testing.report.files import Target
 from rtf.testing.report.text import encodable, incident, measurement, parameter, place, shown, wants_colour
 from rtf.testing.reporting import Reporter
-from rtf.testing.verdict import FixtureState, MeasurementVerdict, Severity, Verdict
+from rtf.testing.verdict import FixtureState, Severity, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -17,10 +17,10 @@ from rich.text import Text
 
 from rtf import clock
 from rtf.testing.history.trends import middles
-from rtf.testing.measurement import limits_text, margin_of, number, quantity
+from rtf.testing.measurement import MeasurementVerdict, limits_text, margin_of, number, quantity
 from rtf.testing.report import text as report_text
 from rtf.testing.report.text import one_line
-from rtf.testing.verdict import MeasurementVerdict, Verdict
+from rtf.testing.verdict import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

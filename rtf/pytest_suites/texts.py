@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rtf.testing.events import Measured, Message, OutputCaptured, StackDumped, SubResultEnded
+from rtf.testing.measurement import MeasurementVerdict
 from rtf.testing.report.problems import incident_text
 from rtf.testing.report.text import cut, measurement, one_line, place, problem_text, sentence, shown
-from rtf.testing.verdict import MeasurementVerdict, Verdict
+from rtf.testing.verdict import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING, Any, ClassVar, NoReturn
 from rtf.testing import recording
 from rtf.testing.events import Asked, Measured, Progressed, TestRenamed
 from rtf.testing.fixture import UsesFixtures
-from rtf.testing.measurement import Measurement, Unit, margin_of, quantity, require_limits, unit
+from rtf.testing.measurement import Measurement, MeasurementVerdict, Unit, margin_of, quantity, require_limits, unit
 from rtf.testing.parameters import Declared, Parameter
 from rtf.testing.recording import Series
 from rtf.testing.session import calling_place
-from rtf.testing.verdict import Inconclusive, MeasurementVerdict, Severity, SkipTest, TestFailure, TestProblem
+from rtf.testing.verdict import Inconclusive, Severity, SkipTest, TestFailure, TestProblem
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -16,7 +16,8 @@ import msgspec
 
 from rtf import clock
 from rtf.errors import Location, RtfError
-from rtf.testing.verdict import FixtureState, MeasurementVerdict, Phase, Severity, Verdict
+from rtf.testing.measurement import MeasurementVerdict
+from rtf.testing.verdict import FixtureState, Phase, Severity, Verdict
 
 #: Version of the vocabulary. It grows when an event or member changes meaning, not when one is added.
 FORMAT = 1

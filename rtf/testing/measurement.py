@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from rtf.testing.verdict import MeasurementVerdict
-
 #: The standard normal quantile for 95 % two-sided confidence.
 _Z95 = 1.959963984540054
 
@@ -118,6 +116,15 @@ def limits_text(low: float | None, high: float | None, symbol: str = "") -> str:
     if high is not None:
         return f"at most {number(high)}{suffix}"
     return "without limits"
+
+
+class MeasurementVerdict(StrEnum):
+    """The place of a value between its limits."""
+
+    PASSED = "passed"
+    MARGINAL = "marginal"
+    FAILED = "failed"
+    RECORDED = "recorded"  # there were no limits
 
 
 @dataclass(frozen=True, slots=True)

@@ -98,15 +98,6 @@ class FixtureState(StrEnum):
     FAILED = "failed"  # its restarts are used up
 
 
-class MeasurementVerdict(StrEnum):
-    """The place of a value between its limits."""
-
-    PASSED = "passed"
-    MARGINAL = "marginal"
-    FAILED = "failed"
-    RECORDED = "recorded"  # there were no limits
-
-
 # Exceptions, each also a fitting built-in ----------------------------------------------------------------------------
 
 

@@ -21,7 +21,8 @@ from rtf.testing.events import (
     to_line,
 )
 from rtf.testing.journal import FILE_NAME
-from rtf.testing.verdict import FixtureState, MeasurementVerdict, Phase, Severity, Verdict
+from rtf.testing.measurement import MeasurementVerdict
+from rtf.testing.verdict import FixtureState, Phase, Severity, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -5,7 +5,8 @@ import re
 import pytest
 
 from rtf.robot.model import find_robot
-from rtf.testing.verdict import MeasurementVerdict, Verdict
+from rtf.testing.measurement import MeasurementVerdict
+from rtf.testing.verdict import Verdict
 
 BENCH = find_robot("bench")
 CASES = {

@@ -7,7 +7,8 @@ from rtf.robot_testing import Safety
 from rtf.simulator.errors import RenderingError
 from rtf.simulator.rendering import rendering_back_end
 from rtf.testing.events import Attached
-from rtf.testing.verdict import MeasurementVerdict, Verdict
+from rtf.testing.measurement import MeasurementVerdict
+from rtf.testing.verdict import Verdict
 
 CASES = {
     "frozen": ("camera_frozen left", "left", "repeated pictures"),

@@ -19,7 +19,8 @@ from rtf.robot.sensors.analog import AnalogDevice
 from rtf.robot.sensors.analog_sensors import AnalogSensorsDevice
 from rtf.robot.sensors.camera import FrameGrabberDevice
 from rtf.testing.events import Message, SubResultEnded
-from rtf.testing.verdict import MeasurementVerdict, Severity, Verdict
+from rtf.testing.measurement import MeasurementVerdict
+from rtf.testing.verdict import Severity, Verdict
 
 PERIOD = 0.01
 #: What picture a camera shows instead of its n-th: of a hundred more than half are one, or only five are.

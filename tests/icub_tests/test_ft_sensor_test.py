@@ -4,7 +4,8 @@ from itertools import product
 
 import pytest
 
-from rtf.testing.verdict import MeasurementVerdict, Verdict
+from rtf.testing.measurement import MeasurementVerdict
+from rtf.testing.verdict import Verdict
 
 PORT = "/icubSim/left_arm/analog:o"
 MANY = "/icubSim/FTs/measures:o"

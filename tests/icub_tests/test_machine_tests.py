@@ -12,7 +12,8 @@ import pytest
 from harness import run_command, write_files
 from rtf import clock
 from rtf.testing.events import Measured, Message, SubResultEnded
-from rtf.testing.verdict import MeasurementVerdict, Verdict
+from rtf.testing.measurement import MeasurementVerdict
+from rtf.testing.verdict import Verdict
 
 #: Does on this machine what ssh would do on another; hosts that are down and that ask for a password are known, too.
 SSH = """#!/bin/sh

@@ -5,7 +5,8 @@ import pytest
 from harness import run_command, write_files
 from icub import robot_description
 from rtf.testing.events import Measured
-from rtf.testing.verdict import MeasurementVerdict, Verdict
+from rtf.testing.measurement import MeasurementVerdict
+from rtf.testing.verdict import Verdict
 
 ELBOW = '<joint name="l_elbow"'
 

@@ -5,7 +5,8 @@ import pytest
 
 from icub import PARTS
 from rtf.testing.events import Message, SeriesRecorded, Severity
-from rtf.testing.verdict import MeasurementVerdict, Verdict
+from rtf.testing.measurement import MeasurementVerdict
+from rtf.testing.verdict import Verdict
 
 NAMES = [axis.name for axis in PARTS["torso"]]
 

@@ -2,7 +2,8 @@
 
 import pytest
 
-from rtf.testing.verdict import MeasurementVerdict, Verdict
+from rtf.testing.measurement import MeasurementVerdict
+from rtf.testing.verdict import Verdict
 
 FAULTS = {
     "loss": ("loss /icubSim/head/state:o share=0.1", "/icubSim/head/state:o", "lost"),

@@ -4,7 +4,8 @@ import pytest
 
 from pictures import needs_pictures
 from rtf.robot.model import find_robot
-from rtf.testing.verdict import MeasurementVerdict, Verdict
+from rtf.testing.measurement import MeasurementVerdict
+from rtf.testing.verdict import Verdict
 
 CASES = {
     "healthy": "",

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from rtf.testing.events import SeriesRecorded
-from rtf.testing.verdict import MeasurementVerdict, Verdict
+from rtf.testing.measurement import MeasurementVerdict
+from rtf.testing.verdict import Verdict
 
 
 def case(name, *rows):

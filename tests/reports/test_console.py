@@ -30,7 +30,8 @@ from rtf.testing.events import (
     SubResultEnded,
 )
 from rtf.testing.journal import FILE_NAME, Journal
-from rtf.testing.verdict import FixtureState, MeasurementVerdict, Phase, Severity, Verdict
+from rtf.testing.measurement import MeasurementVerdict
+from rtf.testing.verdict import FixtureState, Phase, Severity, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -27,7 +27,8 @@ from rtf.testing.events import (
     SubResultEnded,
     TestRenamed,
 )
-from rtf.testing.verdict import FixtureState, MeasurementVerdict, Phase, Severity, Verdict
+from rtf.testing.measurement import MeasurementVerdict
+from rtf.testing.verdict import FixtureState, Phase, Severity, Verdict
 from tests.waiting import eventually
 
 if TYPE_CHECKING:

@@ -23,7 +23,8 @@ from rtf.testing.events import (
     TestPlanned,
     TestStarted,
 )
-from rtf.testing.verdict import FixtureState, MeasurementVerdict, Phase, Severity, Verdict
+from rtf.testing.measurement import MeasurementVerdict
+from rtf.testing.verdict import FixtureState, Phase, Severity, Verdict
 from tests.waiting import eventually
 
 if TYPE_CHECKING:

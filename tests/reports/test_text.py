@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf.testing.events import Measured, Message, OutputCaptured
-from rtf.testing.verdict import FixtureState, MeasurementVerdict, Severity, Verdict
+from rtf.testing.measurement import MeasurementVerdict
+from rtf.testing.verdict import FixtureState, Severity, Verdict
 
 if TYPE_CHECKING:
     from tests.reports.conftest import Reports, Story

@@ -6,8 +6,8 @@ from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
+from rtf.testing.measurement import MeasurementVerdict
 from rtf.testing.plugins import find, load_test
-from rtf.testing.verdict import MeasurementVerdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

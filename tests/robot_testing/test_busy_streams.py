@@ -12,8 +12,9 @@ from rtf.robot_testing import RobotTest
 from rtf.robot_testing.judging import real_time_checks
 from rtf.robot_testing.stream_test import RateTest
 from rtf.robot_testing.streams.message import Message
+from rtf.testing.measurement import MeasurementVerdict
 from rtf.testing.session import Session
-from rtf.testing.verdict import Inconclusive, MeasurementVerdict, Verdict
+from rtf.testing.verdict import Inconclusive, Verdict
 
 
 class Listening(RateTest):

@@ -9,7 +9,8 @@ from rtf.robot.model import default_robot
 from rtf.robot_testing import step_test
 from rtf.robot_testing.robot_test import RobotTest
 from rtf.robot_testing.step_test import Cycle, StepTest
-from rtf.testing.verdict import Inconclusive, MeasurementVerdict, TestProblem
+from rtf.testing.measurement import MeasurementVerdict
+from rtf.testing.verdict import Inconclusive, TestProblem
 
 from .kept_test import kept_test
 

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from rtf.testing import events
 from rtf.testing.events import Event, EventError, Measured, Message, TestEnded, UnknownEventError, from_line, to_line
-from rtf.testing.verdict import FixtureState, MeasurementVerdict, Phase, Severity, Verdict
+from rtf.testing.measurement import MeasurementVerdict
+from rtf.testing.verdict import FixtureState, Phase, Severity, Verdict
 
 BIGGEST = (1 << 63) - 1
 #: Two lone halves of a surrogate pair side by side read back as the character they make up; keep them apart.

@@ -23,8 +23,9 @@ from rtf.testing.events import Event, Measured, RunEnded, RunStarted, TestEnded,
 from rtf.testing.history import History, HistoryError, database
 from rtf.testing.history.database import STEPS, import_run, migrate, record_run
 from rtf.testing.journal import FILE_NAME
+from rtf.testing.measurement import MeasurementVerdict
 from rtf.testing.results import RunResult
-from rtf.testing.verdict import MeasurementVerdict, Verdict
+from rtf.testing.verdict import Verdict
 
 
 @pytest.fixture

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rtf.testing.measurement import Measurement, Unit, limits_text, margin_of, quantity, unit
-from rtf.testing.verdict import MeasurementVerdict
+from rtf.testing.measurement import Measurement, MeasurementVerdict, Unit, limits_text, margin_of, quantity, unit
 
 FINITE = st.floats(-1e6, 1e6)
 

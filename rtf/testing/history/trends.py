@@ -15,8 +15,8 @@ from functools import cache, partial
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
-from rtf.testing.measurement import wilson_interval
-from rtf.testing.verdict import MeasurementVerdict, Verdict
+from rtf.testing.measurement import MeasurementVerdict, wilson_interval
+from rtf.testing.verdict import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Sequence

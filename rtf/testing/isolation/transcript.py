@@ -30,7 +30,8 @@ from rtf.testing.events import (
 from rtf.testing.isolation import messages
 from rtf.testing.isolation.capture import Capture
 from rtf.testing.isolation.messages import Case, Finished
-from rtf.testing.verdict import UNDOING_PHASES, MeasurementVerdict, Phase, Severity
+from rtf.testing.measurement import MeasurementVerdict
+from rtf.testing.verdict import UNDOING_PHASES, Phase, Severity
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection
