@@ -13,8 +13,8 @@ import psutil
 
 from rtf import clock
 from rtf.testing import journal
+from rtf.testing.broadcast import Broadcast
 from rtf.testing.plan import Planner, load_files
-from rtf.testing.reporting import Broadcast
 from rtf.testing.results import RunResult
 from rtf.testing.runner import Run, RunOptions
 

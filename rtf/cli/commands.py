@@ -18,8 +18,8 @@ def report(words: Sequence[str]) -> ExitCode:
     """Write reports of a run that is over, from its journal alone; exits as the run did."""
     from rtf.cli.arguments import add_report_options
     from rtf.cli.running import open_reporters
+    from rtf.testing.broadcast import Broadcast
     from rtf.testing.journal import as_one_run
-    from rtf.testing.reporting import Broadcast
 
     parser = Parser(
         prog="testrunner report",

@@ -110,7 +110,7 @@ def make_room_for_files(jobs: int) -> None:
 
 def execute(plan: Plan, run: RunOptions, options: argparse.Namespace, launched: Launched | None = None) -> ExitCode:
     """Open reporters and journal, run, and close everything. ``launched`` is a fork server that is starting."""
-    from rtf.testing.reporting import Broadcast
+    from rtf.testing.broadcast import Broadcast
     from rtf.testing.runner import Run
 
     make_room_for_files(run.jobs)

@@ -17,8 +17,8 @@ from rtf.testing.runner import Run
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from rtf.testing.broadcast import Broadcast
     from rtf.testing.events import Diagnosed
-    from rtf.testing.reporting import Broadcast
     from rtf.testing.runner import RunOptions
     from rtf.testing.suite.model import TestEntry, TestSuite
     from rtf.testing.suite_worker import SuiteWorker

@@ -14,11 +14,12 @@ from rtf.pytest_suites.conductor import Conductor
 from rtf.pytest_suites.listener import Listener
 from rtf.pytest_suites.locks import FixtureLocks, lock_file
 from rtf.pytest_suites.settings import LIVE_PAGE, Settings
+from rtf.testing.broadcast import Broadcast
 from rtf.testing.journal import FILE_NAME, Journal, make_run_folder
 from rtf.testing.plan import Plan, Planner, load_files
 from rtf.testing.report.text import near_path
 from rtf.testing.reporter_thread import bounded, let_linger
-from rtf.testing.reporting import Broadcast, Reporter, ReportOptions, load_reporter
+from rtf.testing.reporting import Reporter, ReportOptions, load_reporter
 from rtf.testing.run_control import Control
 from rtf.testing.runner import RunOptions, most_memory
 from rtf.testing.suite.ids import NameBook

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from rtf import clock
 from rtf.testing.events import Event, SuiteStarted, TestEnded
+from rtf.testing.reporting import CALL_LIMIT
 from rtf.testing.results import RunResult
 
 if TYPE_CHECKING:
@@ -26,9 +27,8 @@ if TYPE_CHECKING:
 
     from rtf.testing.reporting import Reporter
 
-#: Seconds that a call may take, and ``close``, which may have to write the whole report; that any call may take when
-#: the run was asked to stop; and when it is asked while it waits for its reports.
-CALL_LIMIT, CLOSE_LIMIT, STOPPING_LIMIT, HURRIED_LIMIT = 10.0, 30.0, 3.0, 1.0
+#: Seconds that any call may take when the run was asked to stop, and when it is asked while it waits for its reports.
+STOPPING_LIMIT, HURRIED_LIMIT = 3.0, 1.0
 #: Seconds between two updates of a report, and the part of the time that those of one report may take. The first of
 #: all, which may have to import what it needs, is not counted.
 PAUSE, SHARE = 1.0, 0.003

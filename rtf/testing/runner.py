@@ -45,9 +45,9 @@ from rtf.testing.verdict import ExitCode, Severity, Verdict
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
+    from rtf.testing.broadcast import Broadcast
     from rtf.testing.events import PlanChanged
     from rtf.testing.isolation.launch import Launched
-    from rtf.testing.reporting import Broadcast
     from rtf.testing.results import RunResult
     from rtf.testing.suite.model import TestEntry, TestSuite
 

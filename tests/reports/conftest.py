@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from msgspec.structs import replace
 
+from rtf.testing.broadcast import Broadcast
 from rtf.testing.events import (
     Event,
     FixtureChanged,
@@ -22,7 +23,7 @@ from rtf.testing.events import (
     TestStarted,
 )
 from rtf.testing.journal import FILE_NAME, Journal
-from rtf.testing.reporting import Broadcast, ReportOptions, load_reporter
+from rtf.testing.reporting import ReportOptions, load_reporter
 from rtf.testing.results import RunResult
 from rtf.testing.verdict import FixtureState, Phase, Severity, Verdict
 

@@ -22,8 +22,9 @@ from msgspec.structs import replace
 
 from rtf.testing import events as e
 from rtf.testing import journal, plugins
+from rtf.testing.broadcast import Broadcast
 from rtf.testing.measurement import MeasurementVerdict
-from rtf.testing.reporting import Broadcast, ReportOptions, load_reporter
+from rtf.testing.reporting import ReportOptions, load_reporter
 from rtf.testing.verdict import FixtureState, Phase, Severity, Verdict
 
 if TYPE_CHECKING:

@@ -331,7 +331,8 @@ SHOW = """
 import sys
 from pathlib import Path
 from rtf.testing import journal
-from rtf.testing.reporting import Broadcast, ReportOptions, load_reporter
+from rtf.testing.reporting import ReportOptions, load_reporter
+from rtf.testing.broadcast import Broadcast
 
 reporter = load_reporter("console")(ReportOptions(None, Path("run")))
 reporter.open()

@@ -16,9 +16,10 @@ import pytest
 from lxml import etree
 
 from rtf import clock
+from rtf.testing.broadcast import Broadcast
 from rtf.testing.events import Attached, OutputCaptured, RunEnded, SuiteEnded, TestStarted
 from rtf.testing.report.files import Target
-from rtf.testing.reporting import Broadcast, Reporter, ReportOptions
+from rtf.testing.reporting import Reporter, ReportOptions
 from rtf.testing.verdict import Verdict
 from tests.archives import blocks
 from tests.harness import Command, run_command, write_files

@@ -10,9 +10,10 @@ import pytest
 
 from archives import blocks
 from harness import Command, run_command, write_files
+from rtf.testing.broadcast import Broadcast
 from rtf.testing.events import Interrupted, RunStarted, TestStarted, to_line
 from rtf.testing.journal import FILE_NAME
-from rtf.testing.reporting import Broadcast, ReportOptions, load_reporter
+from rtf.testing.reporting import ReportOptions, load_reporter
 from tests.waiting import eventually
 
 if TYPE_CHECKING:

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, BinaryIO
 
 import pytest
 
+from rtf.testing.broadcast import Broadcast
 from rtf.testing.events import FixtureIncident, InternalError, Message, TestEnded, TestPlanned, TestStarted
 from rtf.testing.report import text as report_text
 from rtf.testing.report.files import FileReporter, Target, to_json
-from rtf.testing.reporting import Broadcast, ReportOptions, load_reporter
+from rtf.testing.reporting import ReportOptions, load_reporter
 from rtf.testing.results import RunResult
 from rtf.testing.verdict import Phase, Severity, Verdict
 

@@ -11,6 +11,7 @@ import pytest
 
 from harness import Command, Outcome, read_back, run_command, run_suite, write_files
 from rtf.testing import journal
+from rtf.testing.broadcast import Broadcast
 from rtf.testing.dispatch import groups_sharing_fixtures
 from rtf.testing.events import (
     Event,
@@ -26,7 +27,7 @@ from rtf.testing.events import (
 )
 from rtf.testing.isolation.worker_pool import ForkServerClient, ForkServerLostError
 from rtf.testing.plan import Planner, load_files
-from rtf.testing.reporting import Broadcast, Reporter, ReportOptions
+from rtf.testing.reporting import Reporter, ReportOptions
 from rtf.testing.runner import Run, RunOptions
 from rtf.testing.verdict import ExitCode, FixtureState, Verdict
 
