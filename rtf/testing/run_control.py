@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from rtf.testing.events import Asked
-    from rtf.testing.isolation.worker_pool import Reactor
+    from rtf.testing.isolation.reactor import Reactor
 
     #: Takes the answer, or None where there is none, and its source.
     Reply = Callable[[str | None, str], None]

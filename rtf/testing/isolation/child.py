@@ -1,7 +1,7 @@
 """The runner's side of a forked process: it gets a job, is read, interrupted and killed.
 
-A child belongs to a :class:`~rtf.testing.isolation.worker_pool.WorkerPool`, and to the thread of that. It has a channel
-for messages, its two output streams, and a file for the stacks of its threads.
+A child belongs to a :class:`Pool`, and to the thread of that. It has a channel for messages, its two output streams,
+and a file for the stacks of its threads.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import select
 import signal
 import socket
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from rtf import clock
 from rtf.testing.isolation import messages, processes
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     import msgspec
 
-    from rtf.testing.isolation.worker_pool import WorkerPool
+    from rtf.testing.isolation.reactor import Reactor
 
 _CHUNK = 1 << 18
 #: More than any pipe holds; yet a process that could not be killed must not write for ever.
@@ -59,10 +59,20 @@ class End:
         return "" if self.status is None else processes.split_status(self.status)[1]
 
 
+class Pool(Protocol):
+    """The process that forks children, from the runner's side; see :mod:`~rtf.testing.isolation.worker_pool`."""
+
+    reactor: Reactor
+
+    def request(self, message: msgspec.Struct, *descriptors: int) -> None: ...
+    def rouse(self) -> None: ...
+    def abandon(self) -> None: ...
+
+
 class Child:
     """A process forked by the fork server, from the request for it until nothing of it is left."""
 
-    def __init__(self, pool: WorkerPool) -> None:
+    def __init__(self, pool: Pool) -> None:
         self.pid = 0  # until it is forked
         self.end: End | None = None
         self.channel_closed = False
@@ -141,7 +151,7 @@ class Child:
 
     def signal(self, signum: int, *, group: bool = False) -> None:
         """Send a signal to the child, or to its whole process group, by a fork server that may have been stopped."""
-        self._pool.client.rouse()
+        self._pool.rouse()
         self._pool.request(SendSignal(self.pid, signum, group))
 
     def interrupt(self, signum: int) -> None:
@@ -169,7 +179,7 @@ class Child:
             self._reactor.call_later(seconds, callback)
 
     def _give_up(self) -> None:
-        self._pool.client.abandon()
+        self._pool.abandon()
 
     def dismiss(self) -> None:
         """Kill the child, and wait until it is gone."""

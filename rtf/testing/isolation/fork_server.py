@@ -25,7 +25,6 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from rtf import clock
 from rtf.testing.isolation import messages, processes, worker
-from rtf.testing.isolation.launch import CHANNEL_FD, DUMP_FD
 from rtf.testing.isolation.messages import (
     NUDGE_PERIOD,
     NUDGE_SIGNAL,
@@ -35,11 +34,14 @@ from rtf.testing.isolation.messages import (
     Fork,
     Forked,
     Frames,
+    Inspect,
+    Job,
     Loaded,
     MarkHost,
     Preload,
     Signal,
 )
+from rtf.testing.isolation.processes import CHANNEL_FD, DUMP_FD
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -54,6 +56,7 @@ VANISH_LIMIT = 5.0
 _FILES = 4
 #: As much of the list of children as is read in one go; further ones have their turn when these are gone.
 _CHILDREN_SIZE = 1 << 16
+_ALL_FILES = 1 << 20
 
 
 class ForkServer:
@@ -123,7 +126,7 @@ class ForkServer:
         if pid == 0:
             status = 70
             try:
-                status = worker.child_main(*files)
+                status = _child_main(*files)
             finally:
                 os._exit(status)
         for descriptor in files:
@@ -202,6 +205,62 @@ class ForkServer:
                 self._reap(self._pids[descriptor])
 
 
+# A child -------------------------------------------------------------------------------------------------------------
+
+
+def _child_main(channel_fd: int, out_fd: int, err_fd: int, dump_fd: int) -> int:
+    """Run as a worker: tie this fresh fork to its parent, then do jobs until the last. Returns the exit status."""
+    os.setpgid(0, 0)
+    processes.die_with_parent()
+    processes.adopt_orphans()
+    os.dup2(out_fd, 1)
+    os.dup2(err_fd, 2)
+    os.dup2(channel_fd, CHANNEL_FD, inheritable=False)
+    os.dup2(dump_fd, DUMP_FD, inheritable=False)
+    os.closerange(DUMP_FD + 1, _ALL_FILES)
+    _seed_anew()
+    channel = worker.Channel(CHANNEL_FD)
+    while True:
+        job = channel.receive()
+        if isinstance(job, Inspect):
+            from rtf.testing import inspection
+
+            return inspection.serve(job, channel)
+        if not isinstance(job, Job):  # a late answer to a question of the last job
+            continue
+        if job.memory:
+            processes.limit_memory(job.memory)
+        if job.kind == "test":
+            worker.work(job, channel)
+            if job.last:
+                _end_logging()
+                return 0
+        elif job.kind == "fixture":
+            from rtf.testing.supervision import fixture_host
+
+            return fixture_host.host(job, channel)
+        else:
+            return _serve_plugin(job.plugin)
+
+
+def _end_logging() -> None:
+    """Have handlers of :mod:`logging` write what they hold back, as at the end of any program; this one just exits."""
+    if "logging" in sys.modules:
+        try:
+            sys.modules["logging"].shutdown()
+        except Exception:  # noqa: BLE001 - as at the end of any program, it is shown and changes nothing
+            import traceback
+
+            traceback.print_exc()
+
+
+def _seed_anew() -> None:
+    """Seed numpy's random numbers, if numpy is loaded; ``os.fork`` has seeded Python's."""
+    numpy_random = sys.modules.get("numpy.random")
+    if numpy_random is not None:
+        numpy_random.seed()
+
+
 # Being one -----------------------------------------------------------------------------------------------------------
 
 
@@ -245,7 +304,7 @@ def _one_thread() -> Iterator[None]:
         os.environ.pop(name, None)
 
 
-def serve_plugin(plugin: PluginRef) -> int:
+def _serve_plugin(plugin: PluginRef) -> int:
     """Turn this worker into the fork server for the tests of one file. Returns the exit status of the process.
 
     It reports that the file is loaded; or else a problem, and each test loads the file for itself and reports what

@@ -1,27 +1,20 @@
 """Starts the processes of a fork server. The command line does this first and loads the rest meanwhile.
 
-Two processes are started. The keeper loads nothing and runs no author's code: as a subreaper it ends all processes that
-are left when its child, the fork server, has ended or was killed. So the process that launches is changed in no way.
+Two processes are started: the keeper, and its child, the fork server. So the one that launches is changed in no way.
 """
 
 from __future__ import annotations
 
-import gc
 import os
 import signal
 import socket
 import sys
 from dataclasses import dataclass
-from typing import NoReturn
 
 from rtf.testing.isolation import processes
+from rtf.testing.isolation.processes import CHANNEL_FD, DUMP_FD
 
-#: The files of a process of RTF beside 0, 1 and 2: its channel, which is the control socket of a fork server, and the
-#: file for its stacks.
-CHANNEL_FD = 3
-DUMP_FD = 4
-
-_CODE = "import sys; sys.path[:] = {path!r}; from rtf.testing.isolation import launch; launch.main()"
+_CODE = "import sys; sys.path[:] = {path!r}; from rtf.testing.isolation import keeper; keeper.main()"
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,20 +53,3 @@ def launch() -> Launched:
             setsid=True,
         )
     return Launched(pid, here)
-
-
-def main() -> NoReturn:
-    """Run the keeper, with a child that is the fork server: the program that :func:`launch` starts."""
-    processes.adopt_orphans()
-    keeper = os.getpid()
-    pid = os.fork()
-    if pid:
-        os.close(CHANNEL_FD)
-        processes.keep(pid)
-        os._exit(0)
-    os.setpgid(0, 0)
-    gc.disable()  # imports make many objects and no garbage
-    from rtf.testing.isolation import fork_server
-
-    gc.enable()
-    fork_server.main(keeper)

@@ -16,6 +16,11 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+#: The files of a process of RTF beside 0, 1 and 2: its channel, which is the control socket of a fork server, and the
+#: file for its stacks.
+CHANNEL_FD = 3
+DUMP_FD = 4
+
 _PR_SET_PDEATHSIG = 1
 _PR_SET_CHILD_SUBREAPER = 36
 

@@ -23,8 +23,7 @@ from rtf import clock
 from rtf.testing import plugins
 from rtf.testing.case import TestCase
 from rtf.testing.events import Measured, ParametersResolved
-from rtf.testing.isolation import messages, processes
-from rtf.testing.isolation.launch import CHANNEL_FD, DUMP_FD
+from rtf.testing.isolation import messages
 from rtf.testing.isolation.messages import (
     DUMP_SIGNAL,
     NUDGE_SIGNAL,
@@ -36,6 +35,7 @@ from rtf.testing.isolation.messages import (
     Inspect,
     Job,
 )
+from rtf.testing.isolation.processes import DUMP_FD
 from rtf.testing.measurement import require_limits, wilson_interval
 from rtf.testing.plugin_spec import may_move
 from rtf.testing.session import Session, text_of
@@ -60,7 +60,6 @@ _WARM = (
     "rtf.testing.parameters",
 )
 _CHUNK = 1 << 16
-_ALL_FILES = 1 << 20
 
 _session: Session | None = None
 
@@ -138,62 +137,8 @@ def _end_without_runner() -> NoReturn:
     os._exit(messages.CUT_OFF)
 
 
-def child_main(channel_fd: int, out_fd: int, err_fd: int, dump_fd: int) -> int:
-    """Run as a worker: tie this fresh fork to its parent, then do jobs until the last. Returns the exit status."""
-    os.setpgid(0, 0)
-    processes.die_with_parent()
-    processes.adopt_orphans()
-    os.dup2(out_fd, 1)
-    os.dup2(err_fd, 2)
-    os.dup2(channel_fd, CHANNEL_FD, inheritable=False)
-    os.dup2(dump_fd, DUMP_FD, inheritable=False)
-    os.closerange(DUMP_FD + 1, _ALL_FILES)
-    _seed_anew()
-    channel = Channel(CHANNEL_FD)
-    while True:
-        job = channel.receive()
-        if isinstance(job, Inspect):
-            from rtf.testing import inspection
-
-            return inspection.serve(job, channel)
-        if not isinstance(job, Job):  # a late answer to a question of the last job
-            continue
-        if job.memory:
-            processes.limit_memory(job.memory)
-        if job.kind == "test":
-            _work(job, channel)
-            if job.last:
-                _end_logging()
-                return 0
-        elif job.kind == "fixture":
-            from rtf.testing.supervision import fixture_host
-
-            return fixture_host.host(job, channel)
-        else:
-            from rtf.testing.isolation import fork_server
-
-            return fork_server.serve_plugin(job.plugin)
-
-
-def _end_logging() -> None:
-    """Have handlers of :mod:`logging` write what they hold back, as at the end of any program; this one just exits."""
-    if "logging" in sys.modules:
-        try:
-            sys.modules["logging"].shutdown()
-        except Exception:  # noqa: BLE001 - as at the end of any program, it is shown and changes nothing
-            import traceback
-
-            traceback.print_exc()
-
-
-def _seed_anew() -> None:
-    """Seed numpy's random numbers, if numpy is loaded; ``os.fork`` has seeded Python's."""
-    numpy_random = sys.modules.get("numpy.random")
-    if numpy_random is not None:
-        numpy_random.seed()
-
-
-def _work(job: Job, channel: Channel) -> None:
+def work(job: Job, channel: Channel) -> None:
+    """Do one attempt at a test, and report that it is finished."""
     global _session  # noqa: PLW0603 - a signal handler has no other way to reach it
     session = Session(
         job.id,
