@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING
 from lxml import etree
 
 from rtf.robot_testing.guard.safety import Safety
+from rtf.testing.plugin_makers import load_test
 from rtf.testing.plugin_source import declared_names
-from rtf.testing.plugins import find, load_test, shipped_folder
+from rtf.testing.plugins import find, shipped_folder
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -16,7 +16,8 @@ from rtf.campaigns.tasks import FaultValues, RealRobot, Task, text_of
 from rtf.errors import RtfError, did_you_mean
 from rtf.testing.parameters import Parameter
 from rtf.testing.plan import load_files
-from rtf.testing.plugins import find, load_test, shipped_folder
+from rtf.testing.plugin_makers import load_test
+from rtf.testing.plugins import find, shipped_folder
 from rtf.testing.verdict import Severity
 
 if TYPE_CHECKING:

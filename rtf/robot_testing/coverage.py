@@ -10,7 +10,7 @@ import msgspec
 from rtf.robot_testing.robot_test import RobotTest
 from rtf.testing.isolation.messages import Use
 from rtf.testing.parameters import ParameterError
-from rtf.testing.plugins import load_test
+from rtf.testing.plugin_makers import load_test
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from rtf import clock
-from rtf.testing.plugin_source import declared_names, spec_of
+from rtf.testing.plugin_source import declared_names
+from rtf.testing.plugins import spec_of
 from rtf.testing.suite.values import substitute
 
 if TYPE_CHECKING:

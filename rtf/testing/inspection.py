@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from rtf import clock
-from rtf.testing import plugins
 from rtf.testing.case import TestCase
 from rtf.testing.isolation import messages, processes
 from rtf.testing.isolation.messages import Found, Inspect, Use
 from rtf.testing.parameters import Declared, ParameterError
-from rtf.testing.plugin_spec import UNKNOWN, PluginSpec, spec_of_class
+from rtf.testing.plugin_makers import fixture_maker, test_maker
+from rtf.testing.plugin_spec import ABSENT, UNKNOWN, ParameterSpec, PluginSpec, make_spec
+from rtf.testing.plugins import SeveralClassesError
 from rtf.testing.session import text_of
 
 if TYPE_CHECKING:
@@ -150,19 +151,42 @@ def serve(wanted: Inspect, channel: Channel) -> int:
 def _look(ref: PluginRef, uses: Sequence[Use], ask: bool) -> Inspection:
     """Load a plug-in; every use has a fresh test or fixture."""
     maker: Callable[[PluginRef], Callable[[], Declared]]
-    maker = plugins.fixture_maker if ref.kind == "fixture" else plugins.test_maker
+    maker = fixture_maker if ref.kind == "fixture" else test_maker
     try:
         make = maker(ref)
-        spec = spec_of_class(type(make()))
+        spec = _spec_of(type(make()))
         found = Inspection(spec=spec, trials=tuple(_try(make(), use, ask) for use in uses))
     except (Exception, SystemExit) as error:  # noqa: BLE001 - whatever keeps a plug-in from loading is the finding
         spec = UNKNOWN
         problem = f"{type(error).__name__}: {text_of(error)}"
-        if isinstance(error, plugins.SeveralClassesError):
+        if isinstance(error, SeveralClassesError):
             spec, problem = PluginSpec(safety=None, classes=error.classes), str(error)
         trial = Trial(problems=(problem,))
         found = Inspection(spec=spec, problems=(problem,), trials=(trial,) * len(uses))
     return found
+
+
+def _spec_of(cls: type[Declared]) -> PluginSpec:
+    """Return the description of a class that was loaded."""
+    return make_spec(
+        cls.__name__,
+        (cls.__doc__ or "").strip(),
+        lambda name: getattr(cls, name, ABSENT),
+        (
+            ParameterSpec.declared(
+                attribute,
+                parameter.key,
+                parameter.aliases,
+                secret=parameter.secret,
+                type=parameter.type_name,
+                unit=parameter.unit,
+                default=parameter.default_text(),
+                range=parameter.range_text(),
+                description=parameter.description,
+            )
+            for attribute, parameter in cls.declarations().items()
+        ),
+    )
 
 
 def _try(plugin: Declared, use: Use, ask: bool) -> Trial:

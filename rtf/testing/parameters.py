@@ -24,6 +24,7 @@ from rtf.errors import nearest
 from rtf.resources import DiagnosticKind, find_parameters
 from rtf.resources.arguments import loose_words, parse_arguments
 from rtf.testing.measurement import limits_text, number, require_limits, unit
+from rtf.testing.plugin_spec import value_text
 from rtf.testing.plugins import shipped_folder
 from rtf.testing.secret_values import MASK, is_secret, masked_text
 from rtf.testing.verdict import TestingError
@@ -221,17 +222,6 @@ _ELEMENTS: dict[type[object], _Element] = {
     str: _Element("text", lambda value: None if isinstance(value, Bottle) else to_string(value)),
     Bottle: _Element("list", lambda value: value),
 }
-
-
-def value_text(value: object) -> str:
-    """Write a value in text form."""
-    if isinstance(value, Bottle):
-        return value.to_text()
-    if isinstance(value, float):
-        return number(value)
-    if isinstance(value, list | tuple):
-        return f"({' '.join(value_text(item) for item in value)})"
-    return Bottle([value]).to_text()
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING
 from rtf.errors import Location, nearest
 from rtf.testing.dispatch import numbered_copy
 from rtf.testing.events import Diagnosed
-from rtf.testing.plugin_source import spec_of
 from rtf.testing.plugin_spec import PluginSpec, combinations
-from rtf.testing.plugins import PluginError, PluginRef, find, shipped_folder
+from rtf.testing.plugins import PluginError, PluginRef, find, shipped_folder, spec_of
 from rtf.testing.suite.ids import TestIds, digest, label_of_plugin, name_of_plugin, varied
 from rtf.testing.suite.model import (
     TEST_REQUIREMENT,

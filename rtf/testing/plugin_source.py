@@ -20,8 +20,6 @@ from rtf.testing.plugin_spec import ABSENT, UNCERTAIN, Matrix, ParameterSpec, Pl
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from rtf.testing.plugins import PluginRef
-
 _LIBRARY = "rtf"
 #: The classes that every plug-in derives from, which declare nothing.
 _ROOTS = {f"rtf.testing.{name}" for name in ("TestCase", "case.TestCase", "FixtureManager", "fixture.FixtureManager")}
@@ -186,14 +184,12 @@ def declared_names(path: Path) -> dict[str, str]:
     return {name: one.name for name, one in source_of(path).declared.items()}
 
 
-def library_modules(ref: PluginRef) -> list[str]:
-    """Return the modules of this library that the file of a plug-in imports when it is loaded, as far as they exist.
+def library_modules(path: Path) -> list[str]:
+    """Return the modules of this library that a Python file imports when it is loaded, as far as they exist.
 
     Importing them runs no code of the plug-in's author.
     """
-    if ref.language != "python":
-        return []
-    return [module for module in source_of(Path(ref.path)).modules if _library_file(module) is not None]
+    return [module for module in source_of(path).modules if _library_file(module) is not None]
 
 
 def specs_in(path: Path) -> list[PluginSpec]:
@@ -205,25 +201,6 @@ def bare_name(name: str) -> str:
     """Return the name without folder and without a shared library's ending."""
     stem = Path(name).name
     return stem[: -len(Path(stem).suffix)] if Path(stem).suffix.lower() in {".so", ".dll", ".py"} else stem
-
-
-def spec_of(ref: PluginRef) -> PluginSpec:
-    """Return the description of a plug-in as far as its file's text has it."""
-    unknown = PluginSpec(safety=None, occupies=None, complete=False)
-    if ref.language == "entry point":
-        return unknown
-    if ref.language != "python":
-        return PluginSpec()  # scripts and programs have no way to declare anything
-    source = source_of(Path(ref.path))
-    named = source.declared.get(ref.class_name) or source.declared.get(bare_name(ref.name))
-    leaves = [named] if named is not None else source.leaves()
-    if len(leaves) == 1:
-        return leaves[0].spec()
-    if leaves:
-        certain = all(leaf.is_plugin for leaf in leaves)
-        return PluginSpec(safety=None, classes=tuple(leaf.name for leaf in leaves)) if certain else unknown
-    of_old = any(one.name == "TestCase" for one in source.classes)  # a script of the C++ framework
-    return PluginSpec(safety=None) if of_old else unknown
 
 
 def _dotted(node: ast.expr) -> str:

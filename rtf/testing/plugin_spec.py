@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from rtf.testing.measurement import number
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-
-    from rtf.testing.parameters import Declared
 
 #: The classes of safety of tests that move nothing; most tests declare none.
 _HARMLESS = ("", "still")
@@ -70,10 +70,21 @@ def _text(value: object) -> str:
     if isinstance(value, int | float):
         return repr(value)
     if isinstance(value, list | tuple):
-        from rtf.testing.parameters import value_text
-
         return value_text(value)
     raise TypeError(f"a matrix holds truth values, numbers, texts and lists of these, not {value!r}")
+
+
+def value_text(value: object) -> str:
+    """Write a value in text form."""
+    from rtf.bottle import Bottle
+
+    if isinstance(value, Bottle):
+        return value.to_text()
+    if isinstance(value, float):
+        return number(value)
+    if isinstance(value, list | tuple):
+        return f"({' '.join(value_text(item) for item in value)})"
+    return Bottle([value]).to_text()
 
 
 class ParameterSpec(msgspec.Struct, frozen=True, kw_only=True):
@@ -172,29 +183,6 @@ def make_spec(
         matrix=matrix.axes if isinstance(matrix, Matrix) else (),
         complete=all(value is not UNCERTAIN for value in (tags, requires, timeout, occupies, matrix)),
         parameters=tuple(parameters),
-    )
-
-
-def spec_of_class(cls: type[Declared]) -> PluginSpec:
-    """Return the description of a class that was loaded."""
-    return make_spec(
-        cls.__name__,
-        (cls.__doc__ or "").strip(),
-        lambda name: getattr(cls, name, ABSENT),
-        (
-            ParameterSpec.declared(
-                attribute,
-                parameter.key,
-                parameter.aliases,
-                secret=parameter.secret,
-                type=parameter.type_name,
-                unit=parameter.unit,
-                default=parameter.default_text(),
-                range=parameter.range_text(),
-                description=parameter.description,
-            )
-            for attribute, parameter in cls.declarations().items()
-        ),
     )
 
 

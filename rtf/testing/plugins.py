@@ -21,21 +21,18 @@ import importlib.machinery
 import importlib.util
 import os
 import sys
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import rtf
-from rtf.testing.plugin_source import bare_name, declared_names
+from rtf.testing.plugin_source import bare_name, declared_names, source_of
+from rtf.testing.plugin_spec import PluginSpec
 from rtf.testing.verdict import TestingError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
     from importlib.metadata import EntryPoint
     from types import ModuleType
-
-    from rtf.testing.case import TestCase
-    from rtf.testing.fixture import FixtureManager
 
 P = TypeVar("P", bound=object)
 
@@ -246,6 +243,25 @@ def all_files(kind: str, beside: Path | None = None) -> list[Path]:
     return [path for folder in search_path(kind, beside) if folder.is_dir() for path in sorted(folder.glob("*.py"))]
 
 
+def spec_of(ref: PluginRef) -> PluginSpec:
+    """Return the description of a plug-in as far as its file's text has it."""
+    unknown = PluginSpec(safety=None, occupies=None, complete=False)
+    if ref.language == "entry point":
+        return unknown
+    if ref.language != "python":
+        return PluginSpec()  # scripts and programs have no way to declare anything
+    source = source_of(Path(ref.path))
+    named = source.declared.get(ref.class_name) or source.declared.get(bare_name(ref.name))
+    leaves = [named] if named is not None else source.leaves()
+    if len(leaves) == 1:
+        return leaves[0].spec()
+    if leaves:
+        certain = all(leaf.is_plugin for leaf in leaves)
+        return PluginSpec(safety=None, classes=tuple(leaf.name for leaf in leaves)) if certain else unknown
+    of_old = any(one.name == "TestCase" for one in source.classes)  # a script of the C++ framework
+    return PluginSpec(safety=None) if of_old else unknown
+
+
 # Loading -------------------------------------------------------------------------------------------------------------
 
 
@@ -307,50 +323,6 @@ def _make_importable(kind: str, folder: str) -> None:
     package = importlib.import_module(PLUGINS + kind)
     if folder not in package.__path__:
         package.__path__.insert(0, folder)
-
-
-def load_test(ref: PluginRef) -> TestCase:
-    """Make the test of a reference; raises PluginError, or what the plug-in itself raises."""
-    return test_maker(ref)()
-
-
-def test_maker(ref: PluginRef) -> Callable[[], TestCase]:
-    """Load a test plug-in; each call of the result makes a test."""
-    from rtf.testing.case import TestCase
-
-    language, _, mode = ref.language.partition(":")
-    if language == "lua":
-        from rtf.testing.languages.lua_plugin import load_lua
-
-        return partial(load_lua, ref)
-    if language == "executable":
-        from rtf.testing.languages.executable import ExecutableTest
-
-        return partial(ExecutableTest, Path(ref.path), mode)
-    if language == "entry point":
-        return load_class(ref, TestCase)
-    if language != "python":
-        maker: Callable[[PluginRef], TestCase] = installed("language")[language].load()
-        return partial(maker, ref)
-    from rtf.testing.languages import legacy_python
-
-    legacy_python.install()  # a script of the C++ framework may import what the C++ framework provided
-    module = load_module(ref)
-    old = getattr(module, "TestCase", None)
-    if isinstance(old, type) and not issubclass(old, TestCase):
-        return partial(legacy_python.adapt, ref, module, old)
-    return choose_class(ref, module, TestCase)
-
-
-def fixture_maker(ref: PluginRef) -> type[FixtureManager]:
-    """Load a fixture plug-in."""
-    from rtf.testing.fixture import FixtureManager
-
-    if ref.language not in ("python", "entry point"):
-        raise PluginError(
-            f"{ref.path}: a fixture manager is written in Python; to run a program, use the fixture 'process'"
-        )
-    return load_class(ref, FixtureManager)
 
 
 def load_class(ref: PluginRef, base: type[P]) -> type[P]:

@@ -10,6 +10,7 @@ import json
 from collections import Counter
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf import clock
@@ -284,7 +285,8 @@ def _modules_to_preload(suites: Sequence[TestSuite]) -> tuple[str, ...]:
     asked = [name for suite in suites for name in suite.preload]
     found = [entry.found for suite in suites for entry in suite.tests]
     found += [entry.found for suite in suites for entry in suite.fixtures]
-    own = [name for plugin in dict.fromkeys(found) if plugin is not None for name in library_modules(plugin)]
+    paths = [plugin.path for plugin in found if plugin is not None and plugin.language == "python"]
+    own = [name for path in dict.fromkeys(paths) for name in library_modules(Path(path))]
     return tuple(dict.fromkeys([*asked, *own]))
 
 

@@ -10,7 +10,8 @@ import pytest
 from harness import Outcome, run_command, write_files
 from rtf.robot_testing import RobotTest, Safety
 from rtf.testing.events import Diagnosed, FixtureChanged, Message
-from rtf.testing.plugins import find, load_test
+from rtf.testing.plugin_makers import load_test
+from rtf.testing.plugins import find
 from rtf.testing.verdict import ExitCode, FixtureState, Verdict
 
 if TYPE_CHECKING:

@@ -7,8 +7,9 @@ from pathlib import Path
 
 from robot_test_catalogue import entries
 
-from rtf.testing.parameters import value_text
-from rtf.testing.plugins import find, load_test, shipped_folder
+from rtf.testing.plugin_makers import load_test
+from rtf.testing.plugin_spec import value_text
+from rtf.testing.plugins import find, shipped_folder
 
 PAGE = Path(__file__).parents[2] / "docs" / "conformance.md"
 #: Tests of the C++ suite that this project does not have yet, and those of this project that the other does not have.

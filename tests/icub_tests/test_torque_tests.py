@@ -7,7 +7,8 @@ import pytest
 
 from rtf.robot_testing import GuardError
 from rtf.testing.events import Message
-from rtf.testing.plugins import find, load_test
+from rtf.testing.plugin_makers import load_test
+from rtf.testing.plugins import find
 from rtf.testing.verdict import Inconclusive, Severity, Verdict
 
 

@@ -7,7 +7,8 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 from rtf.testing.measurement import MeasurementVerdict
-from rtf.testing.plugins import find, load_test
+from rtf.testing.plugin_makers import load_test
+from rtf.testing.plugins import find
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

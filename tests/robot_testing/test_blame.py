@@ -15,7 +15,8 @@ from rtf.robot_testing import GuardError
 from rtf.robot_testing.joints_test import command_at
 from rtf.robot_testing.judging.real_time_checks import RecentCpuPressure
 from rtf.testing.events import Event, Message, SubResultEnded
-from rtf.testing.plugins import find, load_test
+from rtf.testing.plugin_makers import load_test
+from rtf.testing.plugins import find
 from rtf.testing.session import Session
 from rtf.testing.verdict import Severity, TestFailure, TestProblem, Verdict
 

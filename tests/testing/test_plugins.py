@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from rtf.testing import plugin_source, plugins
-from rtf.testing.plugins import PluginError, PluginNotFoundError, find
+from rtf.testing.plugin_makers import load_test
+from rtf.testing.plugins import PluginError, PluginNotFoundError, find, spec_of
 
 NATIVE = '''
 from rtf.testing import TestCase
@@ -54,7 +54,7 @@ def test_a_plugin_answers_to_file_class_name_and_aliases(folder: Path, name: str
     """File, class, declared name and aliases find the same plug-in."""
     ref = find("test", name, beside=folder)
     assert ref.path == str(folder / "limits_of_joints.py")
-    assert type(plugins.load_test(ref)).__name__ == "JointLimits"
+    assert type(load_test(ref)).__name__ == "JointLimits"
 
 
 def test_dll_means_the_python_plugin_that_declares_the_name(folder: Path):
@@ -65,7 +65,7 @@ def test_dll_means_the_python_plugin_that_declares_the_name(folder: Path):
 def test_facts_are_known_without_running_the_file(folder: Path):
     """Tags, requirements and time-out are read from the text without running it."""
     (folder / "limits_of_joints.py").write_text(NATIVE + "\nraise SystemExit('must not be run')\n")
-    spec = plugin_source.spec_of(find("test", "JointLimits", beside=folder))
+    spec = spec_of(find("test", "JointLimits", beside=folder))
     assert (spec.tags, spec.requires, spec.timeout) == (("motion",), ("program:sh",), 12.0)
     assert spec.summary == "Sweeps the limits."
 
@@ -74,7 +74,7 @@ def test_private_classes_are_no_plugins(folder: Path):
     """Private classes beside a test are no plug-ins."""
     private = "\nfrom typing import NamedTuple\nclass _Side(NamedTuple):\n    sign: int\n"
     (folder / "limits_of_joints.py").write_text(NATIVE.replace("timeout = 12", "safety = Safety.MOTION") + private)
-    spec = plugin_source.spec_of(find("test", "limits_of_joints.py", beside=folder))
+    spec = spec_of(find("test", "limits_of_joints.py", beside=folder))
     assert (spec.class_name, spec.safety) == ("JointLimits", "motion")
     with pytest.raises(PluginNotFoundError):
         find("test", "_Side", beside=folder)
@@ -129,7 +129,7 @@ class _Mixed(TestCase):
 def test_what_a_test_does_to_its_surroundings_is_read_or_unknown(folder: Path, text: str, safety: str | None):
     """The safety class is read from the class and its known bases, or is unknown."""
     (folder / "t.py").write_text(f"{BASES}{text}\n")
-    assert plugin_source.spec_of(find("test", "t.py", beside=folder)).safety == safety
+    assert spec_of(find("test", "t.py", beside=folder)).safety == safety
 
 
 @pytest.mark.parametrize("bases", ["NamedTuple", "Protocol", "enum.IntEnum", "ValueError", "abc.ABC, dict", "Helper"])
@@ -137,7 +137,7 @@ def test_classes_of_python_beside_a_test_are_no_plugins(folder: Path, bases: str
     """Classes without a base of tests are no plug-ins."""
     helper = "class Helper(NamedTuple): value: int\n" if bases == "Helper" else ""
     (folder / "t.py").write_text(f"{BASES}{helper}class Step({bases}): pass\nclass T(_Own): pass\n")
-    assert plugin_source.spec_of(find("test", "t.py", beside=folder)).safety == "motion"
+    assert spec_of(find("test", "t.py", beside=folder)).safety == "motion"
     with pytest.raises(PluginNotFoundError):
         find("test", "Step", beside=folder)
 
@@ -145,8 +145,8 @@ def test_classes_of_python_beside_a_test_are_no_plugins(folder: Path, bases: str
 def test_programs_and_scripts_declare_nothing(folder: Path):
     """Programs and Lua scripts have no safety class."""
     (folder / "t.lua").write_text("return {}")
-    assert plugin_source.spec_of(find("test", "t.lua", beside=folder)).safety == ""
-    assert plugin_source.spec_of(find("test", "true", "executable", beside=folder)).safety == ""
+    assert spec_of(find("test", "t.lua", beside=folder)).safety == ""
+    assert spec_of(find("test", "true", "executable", beside=folder)).safety == ""
 
 
 @pytest.mark.parametrize(("name", "type_"), [("sweep.lua", None), ("sweep.lua", "lua"), ("sweep", "lua")])
@@ -155,7 +155,7 @@ def test_an_alias_may_be_the_name_of_a_script_in_lua(folder: Path, name: str, ty
     (folder / "limits_of_joints.py").write_text(NATIVE.replace('"limits"', '"sweep.lua"'))
     ref = find("test", name, type_, beside=folder)
     assert (Path(ref.path).name, ref.language) == ("limits_of_joints.py", "python")
-    assert type(plugins.load_test(ref)).__name__ == "JointLimits"
+    assert type(load_test(ref)).__name__ == "JointLimits"
     (folder / "sweep.lua").write_text("return {}")
     assert find("test", name, type_, beside=folder).language == "lua"
 
@@ -215,8 +215,8 @@ def test_two_classes_and_no_name_is_an_error(folder: Path):
         "from rtf.testing import TestCase\nclass A(TestCase):\n  pass\nclass B(TestCase):\n  pass\n",
     )
     with pytest.raises(PluginError, match="found: A, B"):
-        plugins.load_test(find("test", "two.py", beside=folder))
-    assert type(plugins.load_test(find("test", "B", beside=folder))).__name__ == "B"
+        load_test(find("test", "two.py", beside=folder))
+    assert type(load_test(find("test", "B", beside=folder))).__name__ == "B"
 
 
 def test_a_base_class_beside_its_only_leaf_is_no_doubt(folder: Path):
@@ -224,12 +224,12 @@ def test_a_base_class_beside_its_only_leaf_is_no_doubt(folder: Path):
     (folder / "family.py").write_text(
         "from rtf.testing import TestCase\nclass Base(TestCase):\n  pass\nclass Leaf(Base):\n  pass\n",
     )
-    assert type(plugins.load_test(find("test", "family.py", beside=folder))).__name__ == "Leaf"
+    assert type(load_test(find("test", "family.py", beside=folder))).__name__ == "Leaf"
 
 
 def test_a_module_is_named_for_its_kind_and_stem(folder: Path):
     """A plug-in's module has a name that shadows no other package."""
-    test = plugins.load_test(find("test", "JointLimits", beside=folder))
+    test = load_test(find("test", "JointLimits", beside=folder))
     assert type(test).__module__ == "rtf_plugins.test.limits_of_joints"
 
 
@@ -240,12 +240,12 @@ def test_a_file_may_import_its_neighbour(folder: Path):
         "import a_helper_of_ours\nfrom rtf.testing import TestCase\n"
         "class User(TestCase):\n  value = a_helper_of_ours.VALUE\n",
     )
-    assert plugins.load_test(find("test", "User", beside=folder)).value == 42
+    assert load_test(find("test", "User", beside=folder)).value == 42
 
 
 def test_a_syntax_error_keeps_its_place(folder: Path):
     """A syntax error in a plug-in has its file."""
     (folder / "wrong.py").write_text("class X(\n")
     with pytest.raises(SyntaxError) as caught:
-        plugins.load_test(find("test", "wrong.py", beside=folder))
+        load_test(find("test", "wrong.py", beside=folder))
     assert caught.value.filename == str(folder / "wrong.py")

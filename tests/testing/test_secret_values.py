@@ -9,8 +9,7 @@ import pytest
 from harness import run_command
 from rtf.testing import Parameter, TestCase, journal
 from rtf.testing.parameters import ParameterError
-from rtf.testing.plugin_source import spec_of
-from rtf.testing.plugins import find
+from rtf.testing.plugins import find, spec_of
 from rtf.testing.secret_values import is_secret, masked_command
 from rtf.testing.verdict import ExitCode
 

@@ -40,7 +40,8 @@ from rtf.robot.errors import RobotError
 from rtf.robot.model import default_robot, load_robot
 from rtf.simulator.faults import find_kind
 from rtf.testing import Parameter
-from rtf.testing.plugins import PluginError, find, load_test
+from rtf.testing.plugin_makers import load_test
+from rtf.testing.plugins import PluginError, find
 
 if TYPE_CHECKING:
     from pathlib import Path

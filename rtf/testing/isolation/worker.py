@@ -37,6 +37,7 @@ from rtf.testing.isolation.messages import (
 )
 from rtf.testing.isolation.processes import DUMP_FD
 from rtf.testing.measurement import require_limits, wilson_interval
+from rtf.testing.plugin_makers import test_maker
 from rtf.testing.plugin_spec import may_move
 from rtf.testing.session import Session, text_of
 from rtf.testing.verdict import Phase, Severity, TestProblem, TestStopped
@@ -168,7 +169,7 @@ def load_plugin(ref: PluginRef) -> None:
     """Load a test's file for all the tests that will be forked from this process; raises what the file raises."""
     from rtf.testing.parameters import Declared
 
-    maker = _makers[ref] = plugins.test_maker(ref)
+    maker = _makers[ref] = test_maker(ref)
     plugins.share_module(ref)
     if isinstance(maker, type) and issubclass(maker, Declared):
         maker.declarations()  # which looks at everything in the class, once
@@ -184,7 +185,7 @@ def run_test(job: Job, session: Session) -> Finished:
 
 
 def _load(job: Job, session: Session) -> TestCase:
-    case = (_makers.get(job.plugin) or plugins.test_maker(job.plugin))()
+    case = (_makers.get(job.plugin) or test_maker(job.plugin))()
     case.attach_to(session, job.use.environment)
     session.cases = job.cases
     require_limits(timeout=case.timeout)

@@ -17,11 +17,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import msgspec
 
 from rtf import clock
-from rtf.testing import plugins, recording
+from rtf.testing import recording
 from rtf.testing.events import FixtureIncident, Message, OutputCaptured
 from rtf.testing.fixture import FixtureManager, FixtureUnusable
 from rtf.testing.isolation import processes
 from rtf.testing.isolation.messages import SAFE_STATE_NAME, Alive, Command, Doing, Lost, Provided, Ready
+from rtf.testing.plugin_makers import fixture_maker
 from rtf.testing.session import Session, Stoppable, author_traceback, bounded, named_text_of, text_of
 from rtf.testing.verdict import FixtureCollapsed, Phase, Severity, TestStopped
 
@@ -119,7 +120,7 @@ class Host(Stoppable[msgspec.Struct]):
     def _load(self) -> FixtureManager | None:
         def load() -> FixtureManager:
             job = self._job
-            manager = plugins.fixture_maker(job.plugin)()
+            manager = fixture_maker(job.plugin)()
             manager.attach_to(self, job.use.environment)
             manager.take_fixture_values(job.values)
             manager.resolve_parameters(**msgspec.structs.asdict(job.use))
