@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from rtf.testing.isolation.messages import FailedTest
-    from rtf.testing.supervision.fixture_host import Host
+    from rtf.testing.supervision.fixture_session import FixtureSession
 
 
 T = TypeVar("T")
@@ -169,7 +169,7 @@ class FixtureManager(Declared, UsesFixtures):
     stop_limit: ClassVar[float] = STOP_LIMIT
     provides: ClassVar[Mapping[str, Value]] = {}
 
-    _host: Host
+    _host: FixtureSession
     _environment: str = ""
 
     def __init_subclass__(cls, **options: object) -> None:
@@ -291,7 +291,7 @@ class FixtureManager(Declared, UsesFixtures):
         """
         self._host.output(line, stream)
 
-    def attach_to(self, host: Host, environment: str) -> None:
+    def attach_to(self, host: FixtureSession, environment: str) -> None:
         """Connect the fixture to its host. For the host, before anything else is called."""
         self._host = host
         self._environment = environment

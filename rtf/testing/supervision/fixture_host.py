@@ -7,28 +7,24 @@ server, which ends fixtures in order; when the fork server is gone the kernel se
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import signal
 import sys
-import threading
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import msgspec
 
 from rtf import clock
-from rtf.testing import recording
-from rtf.testing.events import FixtureIncident, Message, OutputCaptured
 from rtf.testing.fixture import FixtureManager, FixtureUnusable
 from rtf.testing.isolation import processes
-from rtf.testing.isolation.messages import SAFE_STATE_NAME, Alive, Command, Doing, Lost, Provided, Ready
+from rtf.testing.isolation.messages import SAFE_STATE_NAME, Alive, Command, Doing, Ready
 from rtf.testing.plugin_makers import fixture_maker
-from rtf.testing.session import Session, Stoppable, author_traceback, bounded, named_text_of, text_of
+from rtf.testing.session import author_traceback, named_text_of, text_of
+from rtf.testing.supervision.fixture_session import FixtureSession
 from rtf.testing.verdict import FixtureCollapsed, Phase, Severity, TestStopped
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
     from types import FrameType
     from typing import NoReturn
 
@@ -42,69 +38,13 @@ T = TypeVar("T")
 ORPHAN_PATIENCE = 600.0
 
 
-class Host(Stoppable[msgspec.Struct]):
-    """Runs one fixture manager and sends its messages. Any thread may send; the main thread does the work."""
+class Host(FixtureSession):
+    """Runs one fixture manager, in the main thread."""
 
     def __init__(self, job: Job, channel: Channel) -> None:
-        super().__init__(channel.send)
-        self.phase: Phase = Phase.LOAD
-        self.generation = job.attempt
-        self.name = job.id
-        self._job = job
+        super().__init__(job, channel.send)
         self._channel = channel
-        self._cause = ""  # why it collapsed, once it has
-        self._cause_lock = threading.Lock()
         self._runner_gone = False
-        self._failed: FailedTest | None = None  # the test that is being explained
-        self._provided: set[str] = set()  # the keys of the values that were handed on
-
-    # What the manager says ---------------------------------------------------------------------------------------
-
-    def message(self, severity: Severity, title: str, detail: object, place: tuple[str, int] = ("", 0)) -> None:
-        """Send a message of the fixture into the journal."""
-        self.emit(
-            Message(
-                severity=severity,
-                title=title,
-                detail=bounded(str(detail)),
-                fixture=self.name,
-                phase=self.phase,
-                file=place[0],
-                line=place[1],
-            )
-        )
-
-    def output(self, text: object, stream: str) -> None:
-        """Send what a program of the fixture wrote: one line, or several."""
-        self.emit(OutputCaptured(stream=stream, text=bounded(str(text)) + "\n", fixture=self.name))
-
-    def collapse(self, cause: object, *, hopeless: bool = False, **details: Any) -> None:
-        """Report that the fixture is not usable any more, and why; only the first cause is sent. From any thread."""
-        text = str(cause) or "no reason was given"
-        with self._cause_lock:
-            if self._cause:
-                return
-            self._cause = text
-        self.emit(Lost(self._incident(text, **details), hopeless))
-
-    def _incident(self, cause: str, output: str = "", **details: Any) -> FixtureIncident:
-        return FixtureIncident(
-            fixture=self.name,
-            suite="",
-            generation=self.generation,
-            phase=self.phase,
-            cause=bounded(cause),
-            output=bounded(output),
-            **details,
-        )
-
-    def provide_value(self, key: str, value: object) -> None:
-        """Send a value to the tests and fixtures on this one, and write it into the journal."""
-        self._provided.add(key)
-        self.emit(Provided(values={key: value}))
-        self.message(Severity.INFO, "provides", f"{key} = {json.dumps(value)}")
-
-    # The life ----------------------------------------------------------------------------------------------------
 
     def live(self) -> None:
         """Load, set up, watch and tear down."""
@@ -211,14 +151,6 @@ class Host(Stoppable[msgspec.Struct]):
             self._attempt(lambda: manager.on_test_failure(failed), complain)
         finally:
             self._failed = None
-
-    def attach(self, source: str | Path | bytes, name: str, media_type: str) -> Path:
-        """Keep a file of the test that failed. Raises RuntimeError when there is none."""
-        failed = self._failed
-        if failed is None:
-            raise RuntimeError("a fixture attaches files to a test that failed, in on_test_failure()")
-        session = Session(failed.test, self.emit, folder=failed.folder, run_folder=self._job.run_folder)
-        return recording.attach(session, source, name, media_type)
 
     # The end -----------------------------------------------------------------------------------------------------
 
