@@ -16,13 +16,15 @@ from rtf.testing import journal
 from rtf.testing.broadcast import Broadcast
 from rtf.testing.plan import Planner, load_files
 from rtf.testing.results import RunResult
-from rtf.testing.runner import Run, RunOptions
+from rtf.testing.run_state import RunOptions
+from rtf.testing.runner import Run
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
     from rtf.testing.events import Event
+    from rtf.testing.suite_worker import SuiteWorker
     from rtf.testing.verdict import Verdict
 
 #: Every process of a run started here carries this variable, so that a test can say that none is left.
@@ -83,6 +85,7 @@ def run_suite(
     *,
     interfere: Callable[[Run], None] | None = None,
     options: dict[str, object] | None = None,
+    conduct: Callable[[SuiteWorker], None] | None = None,
     **files: str,
 ) -> Outcome:
     """Run a suite in this process, without taking signals. ``interfere`` is called with the run before it begins.
@@ -101,7 +104,9 @@ def run_suite(
     run_folder = tmp_path / "run"
     run_folder.mkdir()
     broadcast = Broadcast(journal.Journal(run_folder / journal.FILE_NAME), [])
-    run = Run(suites, RunOptions(run_folder=run_folder, handle_signals=False, **(options or {})), broadcast)  # type: ignore[arg-type]
+    run = Run(
+        suites, RunOptions(run_folder=run_folder, handle_signals=False, **(options or {})), broadcast, None, conduct
+    )  # type: ignore[arg-type]
     if interfere is not None:
         interfere(run)
     code = run.execute(loaded.diagnostics)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Sequence
 
-    from rtf.testing.runner import RunOptions
+    from rtf.testing.run_state import RunOptions
 
 _WHICH_TESTS = "'testrunner describe' says which tests there are"
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from rtf.testing.plan import Plan
     from rtf.testing.reporting import Reporter
     from rtf.testing.run_control import Control
-    from rtf.testing.runner import RunOptions
+    from rtf.testing.run_state import RunOptions
 
 #: Open files that a run needs: the runner with its reports, and each suite worker with its fork server.
 _FILES, _FILES_OF_WORKER = 48, 16
@@ -53,7 +53,7 @@ def run_options(options: argparse.Namespace, folder: Path, words: Sequence[str])
     """Return the options of the runner."""
     from rtf.testing.isolation.attempt import GRACE
     from rtf.testing.run_control import Control
-    from rtf.testing.runner import RunOptions
+    from rtf.testing.run_state import RunOptions
 
     control = Control(answer=options.answer)
     if options.answer is None and sys.stdin is not None and sys.stdin.isatty():

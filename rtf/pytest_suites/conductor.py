@@ -11,6 +11,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Generic, TypeVar
 
+from rtf.testing.attempts import Attempts
 from rtf.testing.run_control import KILL_STAGE, NOW_STAGE
 from rtf.testing.runner import Run
 
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
     from rtf.testing.broadcast import Broadcast
     from rtf.testing.events import Diagnosed
-    from rtf.testing.runner import RunOptions
+    from rtf.testing.run_state import RunOptions
     from rtf.testing.suite.model import TestEntry, TestSuite
     from rtf.testing.suite_worker import SuiteWorker
 
@@ -59,7 +60,7 @@ class Conductor:
         broadcast: Broadcast,
         diagnostics: Sequence[Diagnosed],
     ) -> None:
-        self._run = Run(suites, replace(options, conduct=self._conduct, handle_signals=False), broadcast)
+        self._run = Run(suites, replace(options, handle_signals=False), broadcast, conduct=self._conduct)
         self._diagnostics = diagnostics
         self._lock = threading.Lock()
         self._worker: SuiteWorker | None = None
@@ -94,13 +95,13 @@ class Conductor:
 
         def work(worker: SuiteWorker) -> bool:
             self._run.plan(replace(suite, tests=(test,)))
-            return worker.bring_up(test)
+            return Attempts(worker, test).bring_up()
 
         return self._have_done(work)
 
     def run(self, test: TestEntry) -> None:
         """Run a test to its final verdict, retries included."""
-        self._have_done(lambda worker: worker.run_test(test))
+        self._have_done(lambda worker: self._run.run_test(worker, test))
 
     @property
     def interrupted(self) -> bool:

@@ -21,7 +21,8 @@ from rtf.testing.report.text import near_path
 from rtf.testing.reporter_thread import bounded, let_linger
 from rtf.testing.reporting import Reporter, ReportOptions, load_reporter
 from rtf.testing.run_control import Control
-from rtf.testing.runner import RunOptions, most_memory
+from rtf.testing.run_state import RunOptions
+from rtf.testing.runner import most_memory
 from rtf.testing.suite.ids import NameBook
 from rtf.testing.suite.model import Timeouts, number_suites
 

@@ -17,14 +17,14 @@ import sys
 import threading
 import traceback
 from concurrent.futures import ThreadPoolExecutor, wait
-from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import rtf
 from rtf import clock
+from rtf.testing.attempts import Attempts
 from rtf.testing.cases import planned_case
-from rtf.testing.dispatch import Dispatcher, copies_of, groups_sharing_fixtures
+from rtf.testing.dispatch import copies_of, groups_sharing_fixtures
 from rtf.testing.events import (
     Diagnosed,
     InternalError,
@@ -34,76 +34,30 @@ from rtf.testing.events import (
     TestEnded,
     TestPlanned,
 )
-from rtf.testing.isolation.attempt import GRACE, Limits
 from rtf.testing.plan import fingerprint
-from rtf.testing.run_control import Control, alarm
+from rtf.testing.run_control import alarm
+from rtf.testing.run_state import RunOptions, RunState
 from rtf.testing.secret_values import masked_command, masked_text
-from rtf.testing.suite.model import Isolation, Timeouts
 from rtf.testing.suite_worker import SuiteWorker
 from rtf.testing.verdict import ExitCode, Severity, Verdict
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from rtf.testing.broadcast import Broadcast
-    from rtf.testing.events import PlanChanged
     from rtf.testing.isolation.launch import Launched
-    from rtf.testing.results import RunResult
     from rtf.testing.suite.model import TestEntry, TestSuite
 
-#: The default limit of a test in seconds, if neither suite, plug-in nor command line has one.
-DEFAULT_LIMITS = Timeouts(setup=60.0, run=300.0, teardown=30.0)
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 #: Seconds between two looks of the main thread at the suite workers; a signal handler runs between its waits only.
 _LOOK = 0.2
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunOptions:
-    """The options of a run beside its plan. Times in seconds, memory in bytes (0: no limit).
+class Run(RunState):
+    """One run of a plan, from its first event to its last.
 
-    After ``maxfail`` tests that did not pass no further test is started (0: no limit). ``device`` is the record of the
-    device under test.
-
-    ``grace`` is how long a test that is asked to stop may take to begin its teardown before it is killed. Through
-    ``control`` people stop the run and answer its questions. ``conduct`` says, instead of the order of the plan, what
-    the run's one suite worker does next. Without ``plan_ahead`` a test is announced by a call of :meth:`Run.plan`, and
-    not before anything runs. ``terminal`` is the device at which tests are debugged, without limits; with
-    ``core_dumps`` those of programs are kept.
+    ``conduct`` says, instead of the order of the plan, what the run's one suite worker does next.
     """
-
-    run_folder: Path
-    jobs: int = 1
-    limits: Timeouts = DEFAULT_LIMITS
-    run_timeout: float | None = None
-    grace: float = GRACE
-    memory: int = 0
-    overrides: tuple[tuple[str, str], ...] = ()
-    features: frozenset[str] = frozenset()
-    isolation: Isolation | None = None
-    repetition: int | None = None
-    retries: int | None = None
-    maxfail: int = 0
-    allow_empty: bool = False
-    done: frozenset[str] = frozenset()
-    resumed: bool = False
-    changes: PlanChanged | None = None
-    robot: str = ""
-    station: str = ""
-    device: Mapping[str, str] = field(default_factory=dict)
-    seed: int | None = None
-    command: tuple[str, ...] = ()
-    handle_signals: bool = True
-    conduct: Callable[[SuiteWorker], None] | None = None
-    plan_ahead: bool = True
-    control: Control = field(default_factory=Control)
-    terminal: str = ""
-    core_dumps: bool = False
-    facts: Mapping[str, str] = field(default_factory=dict)
-
-
-class Run:
-    """One run of a plan, from its first event to its last."""
 
     def __init__(
         self,
@@ -111,23 +65,11 @@ class Run:
         options: RunOptions,
         broadcast: Broadcast,
         launched: Launched | None = None,
+        conduct: Callable[[SuiteWorker], None] | None = None,
     ) -> None:
-        self.suites = suites
-        self.options = options
-        self.control = options.control
-        self.dispatcher = Dispatcher(suites, options.done)
-        self._failures = 0
-        self._lock = threading.Lock()
-        self._broadcast = broadcast
+        super().__init__(suites, options, broadcast, launched)
+        self._conduct = conduct
         self._secrets = {name for suite in suites for test in suite.tests for name in test.spec.secrets}
-        self._launched = launched
-        self.emit = broadcast.emit
-        broadcast.control = options.control
-
-    @property
-    def results(self) -> RunResult:
-        """The results so far."""
-        return self._broadcast.results
 
     def execute(self, diagnostics: Iterable[Diagnosed] = ()) -> ExitCode:
         """Run everything, tear everything down, report everything. Returns the exit code."""
@@ -279,7 +221,7 @@ class Run:
     # Suite workers ----------------------------------------------------------------------------------------------------
 
     def _run_workers(self) -> None:
-        groups = self._groups() if self.options.jobs > 1 and self.options.conduct is None else []
+        groups = self._groups() if self.options.jobs > 1 and self._conduct is None else []
         if len(groups) <= 1:
             self._run_worker(self.suites)
             return
@@ -307,48 +249,42 @@ class Run:
 
     def _run_worker(self, suites: Sequence[TestSuite]) -> None:
         try:
-            conduct = self.options.conduct or SuiteWorker.run
-            conduct(SuiteWorker(self, suites))
+            worker = SuiteWorker(self, suites)
+            if self._conduct is not None:
+                self._conduct(worker)
+            else:
+                self._run_suites(worker, suites)
         except Exception as error:  # noqa: BLE001 - reported; the other suite workers go on
             self._broke(error)
 
-    # What holds for a test ---------------------------------------------------------------------------------------
+    def _run_suites(self, worker: SuiteWorker, suites: Sequence[TestSuite]) -> None:
+        """Run suites; afterwards all processes of the suite worker are gone."""
+        done = self.options.done
+        with worker.at_work():
+            for index, suite in enumerate(suites):
+                if suite.tests and all(test.id in done for test in suite.tests):
+                    worker.end_suite(suite, 0.0)
+                elif not suite.tests or not self.dispatcher.is_empty(suite.id):
+                    with worker.suite(suite, suites[index + 1 :]):
+                        self._run_tests(worker, suite)
 
-    def limits_of(self, suite: TestSuite, test: TestEntry) -> Limits:
-        """Return the limits of a test: its own, its suite's, its author's, the command line's or the defaults."""
-        if self.options.terminal:  # a person is debugging
-            return Limits(setup=None, run=None, teardown=None, grace=self.options.grace)
-        chosen = suite.timeouts_of(test).inherit(Timeouts(run=test.spec.timeout))
-        chosen = chosen.inherit(self.options.limits).inherit(DEFAULT_LIMITS)
-        return Limits(**asdict(chosen), grace=self.options.grace)
+    def _run_tests(self, worker: SuiteWorker, suite: TestSuite) -> None:
+        """Run the tests of a suite that no other worker runs."""
+        tests = {test.id: test for test in suite.tests}
+        while not self.dispatcher.is_empty(suite.id):
+            taken = self.dispatcher.take(suite.id, stopping=bool(worker.stop_reason()))
+            if not taken:
+                worker.supervisor.watch()
+                worker.reactor.run_once(worker.next_tick())
+                continue
+            try:
+                self.run_test(worker, tests[taken])
+            finally:
+                self.dispatcher.ended(suite.id, taken)
 
-    def take_launched(self) -> Launched | None:
-        """Return the fork server that was started before the run, for the first suite worker that asks."""
-        with self._lock:
-            launched, self._launched = self._launched, None
-        return launched
-
-    def repetition_of(self, entry: TestEntry) -> int:
-        """Return the number of additional runs of the body."""
-        return entry.repetition if self.options.repetition is None else self.options.repetition
-
-    def retries_of(self, entry: TestEntry) -> int:
-        """Return the number of additional attempts after a failure."""
-        return entry.retries if self.options.retries is None else self.options.retries
-
-    def stop_reason(self) -> str:
-        """Return why no further test may be started, or an empty text."""
-        if self.control.stage:
-            self.control.announce(self.emit)
-            return "the run was interrupted"
-        if 0 < self.options.maxfail <= self._failures:
-            return f"{self._failures} test{'s' if self._failures != 1 else ''} failed before (--maxfail)"
-        return ""
-
-    def count_failures(self, number: int) -> None:
-        """Count tests that did not pass, for ``maxfail``. From any thread."""
-        with self._lock:
-            self._failures += number
+    def run_test(self, worker: SuiteWorker, test: TestEntry) -> None:
+        """Run a test of the worker's suite, up to its final end."""
+        self.count_failures(Attempts(worker, test).run())
 
 
 def most_memory() -> int:

@@ -1,7 +1,7 @@
-"""A suite worker, which runs suites that share a fixture, one after the other.
+"""A suite worker, with which suites that share a fixture are run, one after the other.
 
-It brings fixtures up and down, hands out tests, and decides what stops a test or a suite: a time-out, an interrupt, the
-end of the run. It has a fork server, a reactor and a supervisor of its own, and runs in one thread.
+It brings fixtures up and down, and decides what stops a test or a suite: a time-out, an interrupt, the end of the run.
+It has a fork server, a reactor and a supervisor of its own, and is used by one thread.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtf import clock
-from rtf.testing.attempts import Attempts
 from rtf.testing.dispatch import copy_suffix
 from rtf.testing.events import Diagnosed, SuiteEnded, SuiteStarted
 from rtf.testing.isolation.attempt import Stop
@@ -30,19 +29,18 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from rtf.testing.isolation.child import Child
-    from rtf.testing.runner import Run
-    from rtf.testing.suite.model import FixtureEntry, TestEntry, TestSuite
+    from rtf.testing.run_state import RunState
+    from rtf.testing.suite.model import FixtureEntry, TestSuite
 
 
 class SuiteWorker:
-    """Runs suites one after the other, with one fork server and one set of fixtures.
+    """What suites need that are run one after the other: one fork server and one set of fixtures.
 
-    :meth:`run` keeps to the order of the plan. A caller that learns the order one by one uses the parts of :meth:`run`
-    instead: inside :meth:`at_work` and :meth:`suite` it runs tests one by one, and calls :meth:`wait` between them. All
-    methods but :meth:`wake` and :meth:`abort` belong to one thread.
+    Tests run inside :meth:`at_work` and :meth:`suite`. A caller that learns their order one by one calls :meth:`wait`
+    between them. All methods but :meth:`wake` and :meth:`abort` belong to one thread.
     """
 
-    def __init__(self, run: Run, suites: Sequence[TestSuite]) -> None:
+    def __init__(self, run: RunState, suites: Sequence[TestSuite]) -> None:
         self.whole_run = run
         self._suites = suites
         self.emit = run.emit
@@ -70,32 +68,6 @@ class SuiteWorker:
             kill_now=self._use_force,
             stop_by=self._stop_by,
         )
-
-    def run(self) -> None:
-        """Run the suites; afterwards all processes of this suite worker are gone."""
-        done = self.whole_run.options.done
-        with self.at_work():
-            for index, suite in enumerate(self._suites):
-                if suite.tests and all(test.id in done for test in suite.tests):
-                    self._end_suite(suite, 0.0)
-                elif not suite.tests or not self._dispatcher.is_empty(suite.id):
-                    with self.suite(suite, self._suites[index + 1 :]):
-                        self._run_tests(suite)
-
-    def _run_tests(self, suite: TestSuite) -> None:
-        """Run the tests of a suite that no other worker runs."""
-        dispatcher = self._dispatcher
-        tests = {test.id: test for test in suite.tests}
-        while not dispatcher.is_empty(suite.id):
-            taken = dispatcher.take(suite.id, stopping=bool(self.stop_reason()))
-            if not taken:
-                self.supervisor.watch()
-                self.reactor.run_once(self.next_tick())
-                continue
-            try:
-                self.run_test(tests[taken])
-            finally:
-                dispatcher.ended(suite.id, taken)
 
     @contextmanager
     def at_work(self) -> Iterator[None]:
@@ -157,7 +129,7 @@ class SuiteWorker:
             self.supervisor.forget(mine)
             last, duration = self._dispatcher.leave(suite.id, self.reactor.wake)
             if last:
-                self._end_suite(suite, duration)
+                self.end_suite(suite, duration)
 
     # Called after each event of a wait, so that an interrupt is reported at once.
 
@@ -184,7 +156,8 @@ class SuiteWorker:
         self._stops_before = self.whole_run.control.count
         self.supervisor.take_down(names)
 
-    def _end_suite(self, suite: TestSuite, duration: float) -> None:
+    def end_suite(self, suite: TestSuite, duration: float) -> None:
+        """Emit the end of a suite whose tests have ended, after ``duration`` seconds in this part of the run."""
         result = self.whole_run.results.suites[suite.id]
         counts = result.counts()
         bad = any(not verdict.good for verdict in counts) or result.problems
@@ -201,14 +174,6 @@ class SuiteWorker:
         )
 
     # Tests -------------------------------------------------------------------------------------------------------
-
-    def run_test(self, test: TestEntry) -> None:
-        """Run a test of the suite, up to its final end."""
-        self.whole_run.count_failures(Attempts(self, test).run())
-
-    def bring_up(self, test: TestEntry) -> bool:
-        """Bring up the fixtures of a test. False: it cannot start, and :meth:`run_test` only reports why."""
-        return Attempts(self, test).bring_up()
 
     def stop_reason(self) -> str:
         """Return why nothing more of this suite may be started, or an empty text."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 
 from harness import run_suite
+from rtf.testing.attempts import Attempts
 from rtf.testing.events import FixtureChanged, SuiteEnded, TestEnded
 from rtf.testing.verdict import FixtureState, Verdict
 
@@ -27,7 +28,8 @@ def conducted(tmp_path, conduct, *, second="fine.py", **options):
         tmp_path,
         SUITE.format(second=second),
         interfere=runs.append,
-        options={"conduct": told, **options},
+        options=options,
+        conduct=told,
         fine__py=FINE,
         hangs__py=HANGS,
         up__py=UP,
@@ -37,11 +39,11 @@ def conducted(tmp_path, conduct, *, second="fine.py", **options):
 def test_tests_run_in_the_order_they_are_asked_for(tmp_path):
     """Tests run in the order of the requests; the fixture is up for both, and is torn down after the suite."""
 
-    def backwards(_run, worker, planned):
+    def backwards(run, worker, planned):
         with worker.at_work(), worker.suite(planned):
             for test in reversed(planned.tests):
-                assert worker.bring_up(test)
-                worker.run_test(test)
+                assert Attempts(worker, test).bring_up()
+                run.run_test(worker, test)
 
     outcome = conducted(tmp_path, backwards)
     assert [event.test for event in outcome.of(TestEnded)] == ["s/b", "s/a"]
@@ -53,9 +55,9 @@ def test_tests_run_in_the_order_they_are_asked_for(tmp_path):
 def test_what_is_not_asked_for_is_not_run(tmp_path):
     """A planned test that is not requested ends as not run."""
 
-    def first_only(_run, worker, planned):
+    def first_only(run, worker, planned):
         with worker.at_work(), worker.suite(planned):
-            worker.run_test(planned.tests[0])
+            run.run_test(worker, planned.tests[0])
 
     outcome = conducted(tmp_path, first_only)
     assert (outcome.verdict("a"), outcome.verdict("b")) == (Verdict.PASSED, Verdict.NOT_RUN)
@@ -70,7 +72,7 @@ def test_plan_may_be_emitted_test_by_test(tmp_path):
         with worker.at_work():
             run.plan(replace(planned, tests=planned.tests[:1]))
             with worker.suite(planned):
-                worker.run_test(planned.tests[0])
+                run.run_test(worker, planned.tests[0])
 
     outcome = conducted(tmp_path, first_only, plan_ahead=False)
     assert [*outcome.results.tests] == ["s/a"]
@@ -84,14 +86,14 @@ def test_abort_stops_one_test_and_no_other(tmp_path):
     def abort(run, worker, planned):
         hanging, fine = planned.tests[1], planned.tests[0]
         with worker.at_work(), worker.suite(planned):
-            assert worker.bring_up(hanging)
+            assert Attempts(worker, hanging).bring_up()
             timer = threading.Timer(0.2, worker.abort, ["it takes too long"])
             timer.start()
-            worker.run_test(hanging)
+            run.run_test(worker, hanging)
             timer.join()
-            second.append(worker.bring_up(fine))
+            second.append(Attempts(worker, fine).bring_up())
             worker.abort("")
-            worker.run_test(fine)
+            run.run_test(worker, fine)
 
     outcome = conducted(tmp_path, abort, second="hangs.py")
     assert second == [False]

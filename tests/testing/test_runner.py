@@ -28,7 +28,8 @@ from rtf.testing.events import (
 from rtf.testing.isolation.worker_pool import ForkServerClient, ForkServerLostError
 from rtf.testing.plan import Planner, load_files
 from rtf.testing.reporting import Reporter, ReportOptions
-from rtf.testing.runner import Run, RunOptions
+from rtf.testing.run_state import RunOptions
+from rtf.testing.runner import Run
 from rtf.testing.verdict import ExitCode, FixtureState, Verdict
 
 if TYPE_CHECKING:
