@@ -2,9 +2,11 @@
 
 from itertools import product
 
+import numpy as np
 import pytest
 
 from rtf.testing.measurement import MeasurementVerdict
+from rtf.testing.plugins import find, load_module
 from rtf.testing.verdict import Verdict
 
 PORT = "/icubSim/left_arm/analog:o"
@@ -88,3 +90,20 @@ def test_a_known_load_may_be_given(outcome, measured):
     assert measured(outcome, "expected", "force z")[0].low == 495.0
     assert outcome.verdict("five") is Verdict.ERROR
     assert "six" in outcome.detail("five")
+
+
+def test_a_slip_of_a_joint_is_no_noise():
+    """One jerk of some hundredths of a second does not count; one in each tenth of a second does."""
+    noise = load_module(find("test", "FtSensorTest"))._noise
+    values = np.random.default_rng(1).normal(5.0, 0.002, 100)
+    assert noise(values) == pytest.approx(0.002, rel=0.3)
+    values[36:39] += (0.13, -0.6, 0.13)
+    assert values.std() > 0.05 > 10 * noise(values)
+    values[6::10] += 0.6
+    assert noise(values) > 0.1
+
+
+def test_few_values_all_count():
+    """With less than two for each tenth of the time none is left out."""
+    noise = load_module(find("test", "FtSensorTest"))._noise
+    assert noise(np.array([0.0, 1.0, 0.0, 1.0])) == pytest.approx(np.std([0, 1, 0, 1], ddof=1))
