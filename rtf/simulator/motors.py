@@ -132,7 +132,10 @@ class Motors:
         self._braking = braking
         #: The voltages that amplifiers which control their currents add to what a motor at rest needs.
         self._compensated = ~self._fed[:, None] * self._to_voltages
-        self._open = np.flatnonzero(~self._fed & (self._conductance == 0.0))  # their currents cannot be controlled
+        controlled, whole = ~self._fed, self._conductance > 0.0
+        self._open = np.flatnonzero(controlled & ~whole)  # their currents cannot be controlled
+        #: What amplifiers need for a current, Ohm: those that control it see the circuit as it is.
+        self._ohms = np.divide(1.0, self._conductance, out=self.resistance.copy(), where=controlled & whole)
         self._upwards, self._downwards = one.upwards, one.downwards
         self._uneven = bool((one.upwards != 1.0).any() or (one.downwards != 1.0).any())
         blocked = self.supply * self._duty / FULL * self._conductance  # A
@@ -197,7 +200,7 @@ class Motors:
         demanded = self._demands @ self.wanted
         minimum(demanded, self._controlled[1], out=demanded)
         maximum(demanded, self._controlled[0], out=demanded)
-        volts: FloatArray = self.resistance * demanded + self._compensated @ self._turning
+        volts: FloatArray = self._ohms * demanded + self._compensated @ self._turning
         if self._uneven:
             shares = np.where(volts > 0.0, self._upwards, self._downwards)
             volts /= np.where(self._fed, 1.0, np.maximum(shares, 1.0 / FULL))
