@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -26,6 +28,11 @@ _AT_REST = tuple(
     f" {category.name.lower()}"
     for category in (SensorCategory.ORIENTATION, SensorCategory.TEMPERATURE, SensorCategory.MAGNETOMETER)
 )
+
+#: Risk of more equal values by chance than are allowed for.
+_RARE = 1e-6
+#: Terms of a sum whose rest is below rounding.
+_MANY = 40.0
 
 
 class _Tolerated(NamedTuple):
@@ -101,10 +108,14 @@ class SensorsDuplicateReadings(StreamTest):
 
     def _judge_values(self, one: _Tolerated, values: FloatArray, times: FloatArray) -> None:
         scale = np.maximum(np.abs(values).max(axis=0), np.finfo(float).tiny)
-        repeats = (np.abs(np.diff(values, axis=0)) <= self.same * scale).all(axis=1)
+        same = np.abs(np.diff(values, axis=0)) <= self.same * scale
+        repeats = same.all(axis=1)
         fresh = np.concatenate([[True], ~repeats])
         self._record_ages(fresh, times)
         runs, total, most = _runs(repeats), int(repeats.sum()), one.duplicates
+        if chance := _by_chance(same):
+            self.measure("values that may be equal by chance", chance, "count")
+            most += chance
         if total > most and values.any() and np.array_equal(values, np.rint(values)):
             self.inconclusive(
                 f"{total} of {len(values)} values are repeated: whole numbers may be constant; move the robot, or "
@@ -146,6 +157,24 @@ class SensorsDuplicateReadings(StreamTest):
             stuck,
             f"{', '.join(stuck)} of {port} never changed in {len(values)} messages; {likely_causes('sensor frozen')}",
         )
+
+
+def _by_chance(same: NDArray[np.bool_]) -> int:
+    """Return how many values of a sensor with a coarse resolution may equal the one before without a fault.
+
+    ``same`` says which channels (columns) equal those before. Channels whose noise is some counts are equal now and
+    then, each on its own: how often, the rows tell that differ in others. That all are is the product of these shares;
+    beyond the returned number there are more in one of a million recordings.
+    """
+    fresh = same[~same.all(axis=1)]
+    mean = float(np.prod(fresh.mean(axis=0))) * len(same) if len(fresh) else 0.0
+    return next(count for count in itertools.count(math.floor(mean)) if _more(count, mean) <= _RARE) if mean else 0
+
+
+def _more(count: int, mean: float) -> float:
+    """Return the probability of more than ``count`` of rare events of which there are ``mean`` (Poisson)."""
+    most = count + math.ceil(_MANY + 10.0 * math.sqrt(mean))
+    return math.fsum(math.exp(k * math.log(mean) - mean - math.lgamma(k + 1.0)) for k in range(count + 1, most))
 
 
 def _runs(repeats: NDArray[np.bool_]) -> list[int]:

@@ -59,11 +59,14 @@ class StreamTest(RobotTest):
         self.listener.listen(self.warm_up + seconds + _GRACE, arrivals=arrivals)
 
     def judged(self, messages: Sequence[Message], seconds: float, name: str) -> list[Message]:
-        """Return the messages of the window. Fails if there are too few, or if all have the same stamp."""
+        """Return the messages of the window. Fails if there are too few, or if all have one time or one number."""
         found = within(messages, self.warm_up, seconds)
         latest = found or messages[len(messages) // 2 :]  # there is no window if the stamps do not advance
-        stands = len({one.number for one in latest}) >= _FEWEST and len({one.moment for one in latest}) == 1
+        numbers = {one.number for one in latest}
+        stands = len(numbers) >= _FEWEST and len({one.moment for one in latest}) == 1
         self.assert_fail_if_true(stands, f"the stamps of {name} do not advance: {len(latest)} messages have the same")
+        same = len(latest) >= _FEWEST > len(numbers) and latest[0].number >= 0
+        self.assert_fail_if_true(same, f"{len(latest)} messages of {name} have the number {min(numbers, default=0)}")
         self.assert_true(
             len({message.number for message in found} if found and found[0].number >= 0 else found) >= _FEWEST,
             f"{len(messages)} messages came in {self.warm_up + seconds + _GRACE:g} s; {_FEWEST} are needed",

@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from rtf.testing.events import SeriesRecorded
 from rtf.testing.measurement import MeasurementVerdict
+from rtf.testing.plugins import find, load_module
 from rtf.testing.verdict import Verdict
 
 
@@ -92,3 +95,31 @@ def test_as_many_as_the_file_says_are_tolerated(outcome, measured):
     assert outcome.verdict("tolerated") is Verdict.PASSED
     assert measured(outcome, "tolerated", "messages that came twice")[0].value > 5
     assert outcome.verdict("wrong") is Verdict.ERROR
+
+
+CHANCE = load_module(find("test", "SensorsDuplicateReadings"))._by_chance
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.3, 4.0))
+def test_values_of_a_coarse_sensor_are_equal_by_chance(seed, counts):
+    """Six channels with a noise of some counts: no more of their values are equal than chance explains."""
+    values = np.rint(np.random.default_rng(seed).normal(0.0, counts, (200, 6)))
+    same = np.diff(values, axis=0) == 0.0
+    assert int(same.all(axis=1).sum()) <= CHANCE(same)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_lost_readings_are_more_than_chance(seed):
+    """One in ten values is repeated, by a sensor with a noise of a count: about as many as that are found."""
+    random = np.random.default_rng(seed)
+    values = np.rint(random.normal(0.0, 1.0, (200, 6)))
+    values[10::10] = values[9:-1:10]
+    same = np.diff(values, axis=0) == 0.0
+    assert CHANCE(same) < 10 <= int(same.all(axis=1).sum())
+
+
+def test_what_is_never_equal_by_chance_may_not_be_equal():
+    """Of a single channel, or of channels with a fine resolution, no value may be repeated."""
+    fine = np.random.default_rng(1).normal(size=(200, 6)).repeat(2, axis=0)
+    for values in (fine, np.rint(fine[:, :1])):
+        assert CHANCE(np.diff(values, axis=0) == 0.0) == 0
