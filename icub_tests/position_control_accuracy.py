@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray, Pid
     from rtf.robot_testing import Trace
     from rtf.robot_testing.motion.routines import Routine
+    from rtf.robot_testing.step_test import Cycle
 
 #: The peak speed of a step's response, by the height of the step, 1/s: that of a critically damped loop of 10 Hz, as
 #: fast as those of robots are, is ``w / e``. A joint that cannot be so fast would show the limits of its motor.
@@ -90,7 +91,8 @@ class PositionControlAccuracy(StepTest):
     def most_rise(self, joint: int) -> float:
         return self.rise_time + self.stuck[joint]
 
-    def most_spread(self, joint: int) -> float:
+    def most_spread(self, joint: int, cycles: list[Cycle]) -> float:
+        del cycles
         return max(self.repeatability, self.hidden[joint])
 
     def _give_gains(self) -> None:

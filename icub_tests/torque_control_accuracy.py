@@ -13,6 +13,7 @@ from rtf.robot_testing.coupled_step_test import CoupledStepTest
 from rtf.robot_testing.judging.checked_values import CheckedValue
 from rtf.robot_testing.judging.step_response import largest
 from rtf.robot_testing.robot_name import robot_model
+from rtf.robot_testing.step_test import alike
 from rtf.robot_testing.torque_control import greatest_torque, holding_torques, torque_joints
 from rtf.testing import Parameter
 
@@ -158,9 +159,19 @@ class TorqueControlAccuracy(CoupledStepTest):
             robot.sensors.joint_torques.noise * robot.axes[robot.index[name]].max_torque if name in robot.index else 0.0
         )
 
+    def most_spread(self, joint: int, cycles: list[Cycle]) -> float:
+        """See StepTest: errors before the steps are judged by themselves; what they differ by, the steps differ by."""
+        del joint
+        return math.hypot(self.repeatability, *(float(np.std(_before(group), ddof=1)) for group in alike(cycles)))
+
     def values(self, joint: int, cycles: list[Cycle]) -> list[CheckedValue]:
         """See StepTest: add the error before the step."""
-        before = [float(np.abs(one.measured[one.time < 0].mean() - one.start)) for one in cycles]
+        before = [abs(error) for error in _before(cycles)]
         most = max(self.holding_error, _TOLERANCE * max(abs(one.start) for one in cycles))
         error = CheckedValue("error before the step", largest(before), "Nm", most, self.wrong_finding)
         return [error, *super().values(joint, cycles)]
+
+
+def _before(cycles: list[Cycle]) -> list[float]:
+    """Return the mean error before each step (Nm)."""
+    return [float(one.measured[one.time < 0].mean()) - one.start for one in cycles]

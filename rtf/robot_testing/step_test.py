@@ -368,11 +368,12 @@ class StepTest(RobotTest):
 
     def values(self, joint: int, cycles: list[Cycle]) -> list[CheckedValue]:
         """Return the values of some cycles of a joint, with their limits."""
-        near, noise = _NEAREST * _lowest(cycles), _noise(cycles)
+        sensor = self.sensor_noise(joint)
+        near, noise = _NEAREST * _lowest(cycles), max(_noise(cycles), sensor)  # few points show less than there is
         band, off = min(self.band, near), min(self.steady_error, near) + noise
         answers = [step_response(one.time, one.measured, one.start, one.target, band, noise) for one in cycles]
         late, wrong, symbol = self.late_finding, self.wrong_finding, self.symbol
-        errors, sensor = [abs(one.steady_error) for one in answers], self.sensor_noise(joint)
+        errors = [abs(one.steady_error) for one in answers]
         ripple = with_noise(self.ripple, sensor, min(one.steady_points for one in answers))
         values = [
             CheckedValue("delay", largest([one.delay for one in answers]), "s", self.delay, late),
@@ -385,7 +386,7 @@ class StepTest(RobotTest):
             CheckedValue("ripple", largest([one.ripple for one in answers]), symbol, ripple, "noise"),
         ]
         if spreads := _spreads(cycles):
-            most = with_noise(self.most_spread(joint), sensor, min(len(one.time) for one in cycles))
+            most = with_noise(self.most_spread(joint, cycles), sensor, min(len(one.time) for one in cycles))
             values.append(CheckedValue("repeatability", largest(spreads), symbol, most, "irregular"))
         widths = [one.bandwidth for one in answers]
         if all(map(math.isfinite, widths)):
@@ -402,23 +403,27 @@ class StepTest(RobotTest):
         del joint
         return self.rise_time
 
-    def most_spread(self, joint: int) -> float:
-        """Return the greatest deviation of a joint's steps from each other."""
-        del joint
+    def most_spread(self, joint: int, cycles: list[Cycle]) -> float:
+        """Return the greatest deviation of a joint's steps from each other, without noise."""
+        del joint, cycles
         return self.repeatability
 
 
-def _spreads(cycles: list[Cycle]) -> list[float]:
-    """Return how much the steps of each direction deviate from each other, where there are several.
+def alike(cycles: list[Cycle]) -> list[list[Cycle]]:
+    """Return the steps of each direction that has several.
 
     What both directions have in common, such as an offset, makes them different, and is judged by other values.
     """
-    spreads = []
-    for sign in (1.0, -1.0):
-        alike = [one for one in cycles if (one.target - one.start) * sign > 0]
-        if len(alike) > 1:
-            spreads.append(spread_of([one.time for one in alike], [one.measured - one.start for one in alike], _GRID))
-    return spreads
+    groups = ([one for one in cycles if (one.target - one.start) * sign > 0] for sign in (1.0, -1.0))
+    return [group for group in groups if len(group) > 1]
+
+
+def _spreads(cycles: list[Cycle]) -> list[float]:
+    """Return how much the steps of each direction deviate from each other, where there are several."""
+    return [
+        spread_of([one.time for one in group], [one.measured - one.start for one in group], _GRID)
+        for group in alike(cycles)
+    ]
 
 
 def _lowest(cycles: list[Cycle]) -> float:
@@ -427,8 +432,9 @@ def _lowest(cycles: list[Cycle]) -> float:
 
 
 def _noise(cycles: list[Cycle]) -> float:
-    """Return the root mean square noise before the steps."""
-    return math.sqrt(np.mean([noise_before(one.time, one.measured) ** 2 for one in cycles]))
+    """Return the root mean square noise before the steps, of those with enough points before; 0 if none has."""
+    known = [found for one in cycles if not math.isnan(found := noise_before(one.time, one.measured))]
+    return math.sqrt(np.mean(np.square(known))) if known else 0.0
 
 
 #: Least number of states of a cycle.

@@ -87,10 +87,10 @@ def step_response(
 
 
 def noise_before(time: FloatArray, values: FloatArray) -> float:
-    """Return the deviation of the values from a line, in the latter half of the time before a step; 0 for too few."""
+    """Return the deviation of the values from a line, in the latter half of the time before a step; NaN for too few."""
     half = int((time < 0).sum()) // 2
     before = slice(half, 2 * half)
-    return _deviation(time[before], values[before]) if half >= FEWEST // 2 else 0.0
+    return _deviation(time[before], values[before]) if half >= FEWEST // 2 else math.nan
 
 
 def with_noise(deviation: float, noise: float, points: int) -> float:
