@@ -12,7 +12,8 @@ from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.joints_test import JointsTest
 from rtf.robot_testing.judging.encoder_errors import Spikes, errors_of, spikes_of
 from rtf.robot_testing.judging.friction_profile import friction_profile
-from rtf.robot_testing.judging.motor_model import TOLERANCE, UNEVEN, motor_model
+from rtf.robot_testing.judging.motor_model import TOLERANCE, UNEVEN, jitter, motor_model
+from rtf.robot_testing.judging.step_response import with_noise
 from rtf.robot_testing.motion.joint_swings import JointSwinger, Outcome, ends_of
 from rtf.robot_testing.motion.known_motors import known_motors, limpness
 from rtf.robot_testing.motion.part import PACE
@@ -37,6 +38,8 @@ _SLOWEST = 5.0
 _FEWEST = 50
 #: The least current of a motor whose winding is not known, in per cent: it has the sign of its duty cycle.
 _SIGN = 1.0
+#: A current of less than this share of what the duty cycle drives does not follow it.
+_FOLLOWS = 0.1
 
 
 class _Sweep(NamedTuple):
@@ -58,8 +61,8 @@ class JointSweep(JointsTest):
     place, more in a single move a joint that was blocked for a moment.
 
     The current of the joint's motor is compared with that of a winding at the same duty cycle and speed: its sensor may
-    show nothing, the wrong sign, scale or zero, the amplifier may be weak in one direction, the magnets may be. Without
-    resistance and torque constant in robot.toml, a real motor has to have a current of the right sign only.
+    show nothing, noise, the wrong sign, scale or zero, the amplifier may be weak in one direction, the magnets may be.
+    Without resistance and torque constant in robot.toml, a real motor has to have a current of the right sign only.
     """
 
     aliases = ("jointSweep", "joint-sweep")
@@ -83,6 +86,11 @@ class JointSweep(JointsTest):
         unit="%", default=100.0 * TOLERANCE, low=0.1,
     )  # fmt: skip
     zero = Parameter(float, "greatest offset of the current, of the peak current", unit="%", default=3.0, low=0.01)
+    # Six times what a current sensor has that robot.toml says nothing of.
+    noise = Parameter(
+        float, "greatest noise of the current, of the peak current, beyond what the duty cycle explains", unit="%",
+        default=3.0, low=0.01,
+    )  # fmt: skip
     uneven = Parameter(
         float, "greatest difference of the currents of both directions at equal duty cycles", unit="%",
         default=100.0 * UNEVEN, low=0.1,
@@ -216,6 +224,11 @@ class JointSweep(JointsTest):
         """Compare the current of the joint's own motor with its duty cycle and its speed."""
         motor, duties, currents = self.motors[joint], own.duties[:, joint], own.currents[:, joint]
         found = motor_model(duties, currents, own.speeds[:, joint], motor.drive, motor.supply)
+        explained = jitter(duties) * motor.supply / (100.0 * motor.drive.resistance)
+        noise = math.sqrt(max(0.0, jitter(currents) ** 2 - explained**2))
+        hint = f"{name}: the current jumps by {noise:.2g} A from state to state; {likely_causes('noise')}"
+        most = with_noise(self.noise / 100.0 * motor.peak, motor.drive.current_noise, max(2, len(currents)))
+        self.measure("noise of the current", noise, "A", high=most, hint=hint)
         if math.isnan(found.gain):
             return
         near = self.current if motor.known else math.inf
@@ -259,6 +272,8 @@ class JointSweep(JointsTest):
 
 
 def _wrong_current(found: MotorModel) -> str:
+    if abs(found.gain) < _FOLLOWS:
+        return f"the current does not follow the duty cycle; {likely_causes('current sensor')}"
     if found.gain < 0.0:
         return f"the current has the sign opposite to the duty cycle; {likely_causes('current sign')}"
     return f"the current is {100.0 * found.gain:.0f} % of what the duty cycle drives; {likely_causes('current sensor')}"

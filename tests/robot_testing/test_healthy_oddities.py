@@ -82,6 +82,16 @@ def test_speeds_in_coarse_steps_are_judged_by_their_means(factor: float, fails: 
     assert test.kept.values["speed of the motor, derived by told"] == pytest.approx(1.0 / factor, rel=0.05)
 
 
+def test_a_speed_that_stands_still_is_a_failure():
+    """A board that always tells the same speed of a joint that moves does not update it."""
+    test, time = (
+        kept_test("OpticalEncodersConsistency", robot_part=SimpleNamespace(names=["eye"])),
+        0.01 * np.arange(400),
+    )
+    with pytest.raises(TestFailure, match="eye: the measured speed of the joint is 0 deg/s all the time"):
+        test._judge_speed(0, "joint", time, np.sin(time), np.zeros(400))
+
+
 def test_frozen_stamps_are_a_failure():
     """From the beginning, in the warm-up, and after it. Numbers that stand still are another failure."""
     test = kept_test("PortsFrequency")

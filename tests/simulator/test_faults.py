@@ -353,6 +353,24 @@ def shows_more_current(bench: Bench) -> None:
     assert shown == pytest.approx(true + 0.5, abs=0.02)
 
 
+def shows_a_noisy_current(bench: Bench) -> None:
+    """By half an ampere, from reading to reading; the mean of hundred readings by a tenth of it."""
+    shown, true = flowing(bench)
+    assert shown == pytest.approx(true, abs=0.2)
+    readings = []
+    for _ in range(400):
+        bench.run(0.001)
+        readings.append(bench.arm.currents(3).item())
+    assert np.std(readings) == pytest.approx(0.5, rel=0.2)
+
+
+def resists(bench: Bench) -> None:
+    """For the same current it needs three times the duty cycle."""
+    drive = ICUB.axis(JOINT).drive
+    healthy = flowing(bench)[1] * drive.resistance / drive.supply * 100.0
+    assert bench.arm.duty_cycles(3).item() == pytest.approx(3.0 * healthy, rel=0.05)
+
+
 def drives_weakly(bench: Bench) -> None:
     """For the same current it needs twice the duty cycle upwards; downwards it does not."""
     drive = ICUB.axis(JOINT).drive
@@ -936,6 +954,8 @@ SHOWS: dict[str, Callable[[Bench], None]] = {
     "current_sensor_gain": shows_half_the_current,
     "current_sensor_sign": shows_the_opposite_current,
     "current_sensor_offset": shows_more_current,
+    "current_sensor_noise": shows_a_noisy_current,
+    "motor_resistance": resists,
     "amplifier_weak": drives_weakly,
     "encoder_drift": drifts,
     "encoder_bias": is_biased,

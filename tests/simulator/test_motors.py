@@ -183,6 +183,23 @@ def test_an_amplifier_whose_motor_is_cut_off_gives_its_whole_duty_cycle(rig: Rig
     assert neck == pytest.approx(wanted[1], abs=1.0)
 
 
+def test_an_amplifier_that_controls_its_current_shows_the_resistance_of_the_circuit(rig: Rig):
+    """A burnt contact of twice the winding: the knee is held by the same current, which needs three times the duty."""
+    rig.run(0.5)
+    index, motors = INDEX[KNEE], rig.boards.motors
+    current, before = motors.current[index], rig.boards.motor_duties()[index]
+    assert abs(before) > 0.5
+
+    def change(windings: Windings) -> None:
+        windings.conductances[index] /= 3.0
+
+    motors.faults.append(change)
+    motors.refresh()
+    rig.run(0.1)
+    assert motors.current[index] == pytest.approx(current, rel=0.05)
+    assert rig.boards.motor_duties()[index] == pytest.approx(3.0 * before, rel=0.05)
+
+
 def test_what_sensors_show_of_a_current(rig: Rig):
     """The current with noise of half a per cent of the peak, in whole steps; the same whoever asks, and how often."""
     rig.run(0.3)

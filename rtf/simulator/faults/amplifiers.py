@@ -9,6 +9,8 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from rtf.simulator.faults.base import AxisFault, Layer, Parameter
 from rtf.simulator.faults.mechanics import MotorFault
 
@@ -86,6 +88,37 @@ class CurrentSensorOffset(_CurrentSensorFault):
         return current + self.offset
 
 
+class CurrentSensorNoise(_CurrentSensorFault):
+    """Noise of a current sensor."""
+
+    kind = "current_sensor_noise"
+    description = "The current sensor of the motor is noisy: a loose ground, or its filter is missing."
+    symptom = "The current jumps from reading to reading, while the duty cycle does not."
+    parameters = (Parameter("deviation", 0.5, "A", "standard deviation", 0.0, 1e3),)
+    deviation: float
+
+    def begin(self) -> None:
+        # With numbers of its own: how often a sensor is read must not change what other faults draw.
+        self._random = np.random.default_rng([self.simulation.seed, self.axis])
+        super().begin()
+
+    def shown(self, current: float) -> float:
+        return current + float(self._random.normal(0.0, self.deviation))
+
+
+class MotorResistance(MotorFault):
+    """Resistance in the circuit of a motor."""
+
+    kind = "motor_resistance"
+    description = "The circuit of the motor has more resistance: a burnt contact, or a cable whose strands are broken."
+    symptom = "The motor needs more duty cycle for its current, and has less where the supply is not enough."
+    parameters = (Parameter("factor", 3.0, "", "of the resistance of its winding", 1.0, 1e3, healthy=1.0),)
+    factor: float
+
+    def change(self, windings: Windings) -> None:
+        windings.conductances[self.axis] /= self.factor
+
+
 class AmplifierWeak(MotorFault):
     """Amplifier that is weak in one direction."""
 
@@ -109,4 +142,12 @@ class AmplifierWeak(MotorFault):
         shares[self.axis] *= self.share
 
 
-KINDS = (CurrentSensorDead, CurrentSensorGain, CurrentSensorSign, CurrentSensorOffset, AmplifierWeak)
+KINDS = (
+    CurrentSensorDead,
+    CurrentSensorGain,
+    CurrentSensorSign,
+    CurrentSensorOffset,
+    CurrentSensorNoise,
+    MotorResistance,
+    AmplifierWeak,
+)
