@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 #: Time at rest before a picture, s: longer than the exposure and the transport of a camera of 10 Hz.
 _REST = 0.3
+#: Cameras that look the same way within this angle, deg, see mostly the same.
+_SAME_WAY = 15.0
 #: Another camera explains a picture if it leaves at most this share of what the own one leaves.
 _BETTER = 0.3
 
@@ -68,6 +70,11 @@ class CameraMotion(StreamTest):
     tolerance = Parameter(float, "greatest error of the way of a picture", unit="%", default=15.0, low=1.0)
     # A fourteenth of the way of 4 deg in 320 pixels of 60 deg.
     least_shift = Parameter(float, "error of a way that is no finding", unit="px", default=1.5, low=0.0)
+    # Eyes are 7 cm apart, and see other things near by; automatic exposures differ by less.
+    colours = Parameter(
+        float, "greatest difference of the mean colours of two cameras that look the same way, of white; 100: any",
+        unit="%", default=10.0, low=0.0, high=100.0,
+    )  # fmt: skip
     # Phase correlation of unrelated pictures has peaks below a hundredth.
     least_peak = Parameter(float, "least peak of the correlation of two pictures", default=0.03, low=0.0, high=1.0)
 
@@ -107,9 +114,11 @@ class CameraMotion(StreamTest):
             self.listener.add(port, look=partial(self._look, self._last, name, self.network.dialect))
         focal = {name: self._focal_length(name, port) for name, port in self.ports.items()}
         found: dict[str, list[tuple[str, Shift, dict[str, FloatArray]]]] = {name: [] for name in self.ports}
+        looks: list[_Look] = []
         for number, (part, joint) in enumerate(self.moved):
             self.progress(number / len(self.moved), part.names[joint])
             before, after = self._looks(part, joint)
+            looks.append(before)
             expected = {name: focal[name] * (after.turns[name] - before.turns[name]) for name in self.ports}
             for name in self.ports:
                 shift = shift_between(before.pictures[name], after.pictures[name])
@@ -117,6 +126,9 @@ class CameraMotion(StreamTest):
         for name, port in self.ports.items():
             with self.subresult(port):
                 self._judge(name, port, found[name])
+        for one, other in self.turns.alike(_SAME_WAY):
+            with self.subresult(f"{self.ports[one]} and {self.ports[other]}"):
+                self._compare(one, other, looks[0].pictures)
 
     @staticmethod
     def _look(last: dict[str, NDArray[np.uint8]], name: str, dialect: Dialect, data: bytes) -> None:
@@ -181,6 +193,17 @@ class CameraMotion(StreamTest):
             f"{port}: its pictures move by {share:.0f} % of what its field of view says; {likely_causes('intrinsics')}"
         )
         self.measure("way of the pictures", share, "%", 100.0 - self.tolerance, 100.0 + self.tolerance, hint=hint)
+
+    def _compare(self, one: str, other: str, pictures: dict[str, NDArray[np.uint8]]) -> None:
+        """Compare the mean colours of two cameras that see the same scene."""
+        means = [pictures[name].reshape(-1, 3).mean(axis=0) / 2.55 for name in (one, other)]
+        apart = np.abs(means[0] - means[1])
+        shown = " and ".join(f"({', '.join(f'{share:.0f}' for share in mean)}) %" for mean in means)
+        hint = (
+            f"{self.ports[one]} and {self.ports[other]} see the same scene and show other colours: red, green and blue "
+            f"are {shown}; {likely_causes('camera colours')}"
+        )
+        self.measure("difference of the colours", float(apart.max()), "%", high=self.colours, hint=hint)
 
     def _explain(
         self, port: str, measured: FloatArray, wanted: FloatArray, others: dict[str, float], own: float

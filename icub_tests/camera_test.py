@@ -15,6 +15,7 @@ from rtf.middleware.types import IMAGE
 from rtf.robot.sensors.camera import FrameGrabberClient
 from rtf.robot_testing import MotionGuard, Part, likely_causes
 from rtf.robot_testing.guard.simulated import is_simulated
+from rtf.robot_testing.judging.picture_noise import picture_noise
 from rtf.robot_testing.judging.png import png
 from rtf.robot_testing.stream_test import RateTest
 from rtf.robot_testing.streams.stream_statistics import within
@@ -43,7 +44,7 @@ class _Seen(NamedTuple):
 
 
 class CameraTest(RateTest):
-    """Checks every picture of a camera: rate, size, format, contrast, and repeated pictures.
+    """Checks every picture of a camera: rate, size, format, contrast, noise, and repeated pictures.
 
     On a real robot nothing moves: two pictures of a real camera always differ. A simulated scene is static; if too many
     pictures were equal there, the simulated eyes are turned a little, and the pictures of that motion are judged.
@@ -75,6 +76,9 @@ class CameraTest(RateTest):
     contrast = Parameter(
         float, "least standard deviation of the pixels, in per cent of white", unit="%", default=1.0, low=0.0
     )
+    # A usual camera has 1 % in the light of a room, and 3 % with its greatest gain.
+    noise = Parameter(float, "greatest standard deviation of a pixel from its neighbours, of white", unit="%",
+                      default=5.0, low=0.0)  # fmt: skip
     # Ideally none; a driver that is polled asynchronously to its camera repeats one of some dozens.
     max_repeated = Parameter(
         float,
@@ -177,8 +181,18 @@ class CameraTest(RateTest):
         least = min(one.spread for one in seen) / 2.55
         hint = f"pictures of {name} show nothing: all pixels are alike; {likely_causes('camera dark')}"
         contrast = self.measure("contrast", least, "%", low=self.contrast, hint=hint)
+        self._judge_noise(name)
         if contrast.verdict is not MeasurementVerdict.FAILED:
             self._judge_content(name, found if turned is None else turned)
+
+    def _judge_noise(self, name: str) -> None:
+        try:
+            picture = self._last[name].to("rgb").pixels
+        except RtfError as error:
+            self.report(f"the noise of {name} is not judged: {error}")
+            return
+        hint = f"pictures of {name} are noisy; {likely_causes('camera noise')}"
+        self.measure("noise", picture_noise(picture) / 2.55, "%", high=self.noise, hint=hint)
 
     def _judge_size(self, name: str, seen: Sequence[_Seen]) -> None:
         width, height = self._wanted_size(name)

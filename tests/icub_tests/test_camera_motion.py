@@ -10,6 +10,7 @@ CASES = {
     "healthy": ("", ""),
     "swapped": ("cameras_swapped left", "/icubSim/cam/left shows what /icubSim/cam/right should"),
     "zoom": ("camera_zoom right factor=1.3", "/icubSim/cam/right: its pictures move by 1"),
+    "colours": ("camera_colours left", "see the same scene and show other colours: red, green and blue are"),
     "frozen": ("camera_frozen left", "pictures of /icubSim/cam/left do not move"),
 }
 SUITE = "".join(
@@ -33,6 +34,8 @@ def test_healthy_pictures_move_as_the_field_of_view_says(outcome, measured):
     assert outcome.verdict("healthy") is Verdict.PASSED, outcome.detail("healthy")
     ways = measured(outcome, "healthy", "way of the pictures")
     assert [one.subject for one in ways] == ["/icubSim/cam/left", "/icubSim/cam/right"]
+    (apart,) = measured(outcome, "healthy", "difference of the colours")
+    assert (apart.subject, apart.value < 3.0) == ("/icubSim/cam/left and /icubSim/cam/right", True)
     assert all(one.value == pytest.approx(100.0, abs=12.0) for one in ways)
     for joint in ("eyes_tilt", "eyes_version", "eyes_vergence"):
         assert measured(outcome, "healthy", f"expected with {joint}")[0].value > 8.0

@@ -15,6 +15,7 @@ CASES = {
     "frozen-soon": ("camera_frozen left delay=0.9", "left", "same picture in a row"),
     "frozen-late": ("camera_frozen left delay=2.1", "left", "repeated pictures"),
     "black": ("camera_black right", "right", "contrast"),
+    "noisy": ("camera_noise right", "right", "noise"),
     "size": ("camera_size left", "left", "width"),
     "lost": ("loss /icubSim/cam/right share=0.4", "right", "lost"),
 }

@@ -835,10 +835,35 @@ def camera_shows_another(bench: Bench) -> None:
     assert show(np.zeros((24, 32, 3), np.uint8), 0.0).max() == 100
 
 
+def shown_by_the_left_camera(bench: Bench) -> Callable[[np.ndarray, float], np.ndarray]:
+    """What its fault makes of a picture."""
+    assert bench.cameras["left"].faults
+    return bench.cameras["left"].faults[0]
+
+
+def camera_is_noisy(bench: Bench) -> None:
+    """By 15 per cent of white, from pixel to pixel and from picture to picture."""
+    show, pixels = shown_by_the_left_camera(bench), np.full((60, 100, 3), 128, np.uint8)
+    first, second = show(pixels, 0.0), show(pixels, 0.0)
+    assert first.std() == pytest.approx(0.15 * 255, rel=0.05)
+    assert not np.array_equal(first, second)
+
+
+def camera_is_dark(bench: Bench) -> None:
+    """Three tenths as bright."""
+    show = shown_by_the_left_camera(bench)
+    assert show(np.full((2, 2, 3), 200, np.uint8), 0.0).tolist() == np.full((2, 2, 3), 60).tolist()
+
+
+def camera_has_exchanged_colours(bench: Bench) -> None:
+    """Red is blue."""
+    show = shown_by_the_left_camera(bench)
+    assert show(np.array([[[1, 2, 3]]], np.uint8), 0.0).tolist() == [[[3, 2, 1]]]
+
+
 def camera_is_zoomed(bench: Bench) -> None:
     """A picture as large as before, in which things are 1.3 times as far from the middle."""
-    assert bench.cameras["left"].faults
-    show = bench.cameras["left"].faults[0]
+    show = shown_by_the_left_camera(bench)
     pixels = np.zeros((60, 100, 3), np.uint8)
     pixels[30, 60] = 255
     rows, columns, _ = np.nonzero(show(pixels, 0.0))
@@ -1009,6 +1034,9 @@ SHOWS: dict[str, Callable[[Bench], None]] = {
     "camera_size": camera_is_small,
     "cameras_swapped": camera_shows_another,
     "camera_zoom": camera_is_zoomed,
+    "camera_noise": camera_is_noisy,
+    "camera_exposure": camera_is_dark,
+    "camera_colours": camera_has_exchanged_colours,
     "battery_weak": battery_is_weak,
     "battery_frozen": battery_freezes,
     "taxel_dead": taxel_dies,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import TYPE_CHECKING
 
@@ -52,6 +53,15 @@ class CameraTurns:
                 self._frames(self._axes).items(), self._first.values(), strict=True
             )
         }
+
+    def alike(self, most: float) -> list[tuple[str, str]]:
+        """Return the pairs of cameras that see the same scene at home: they look the same way within ``most`` deg."""
+        ways = {name: -frame[:, 2] for name, (frame, _) in self._first.items()}
+        return [
+            (one, other)
+            for one, other in itertools.combinations(ways, 2)
+            if ways[one] @ ways[other] > math.cos(math.radians(most))
+        ]
 
     def turning(self, way: float) -> list[tuple[str, int]]:
         """Return the joints, by part and number, that turn cameras in place: ``way`` is a move of each (deg)."""

@@ -79,6 +79,12 @@ _CAUSES: dict[str, tuple[str, ...]] = {
         "a ball out of reach",
     ),
     "camera dark": ("a cap on the lens", "an exposure of zero", "a dead sensor"),
+    "camera noise": ("a gain that is too high", "too little light", "a disturbed cable"),
+    "camera colours": (
+        "exchanged red and blue in a driver",
+        "another exposure or white balance of one of them",
+        "a dirty lens, or something close to one of them",
+    ),
     "camera size": ("a wrong size in the configuration of the driver",),
     "orientation": ("an IMU mounted in another orientation", "a wrong frame in the model"),
     "mode late": ("a board that reads its modes in a slow loop", "a server that repeats an old state", "a loaded bus"),

@@ -9,6 +9,7 @@ from rtf.robot.errors import RefusedError
 from rtf.simulator.faults import (
     amplifiers,
     boards,
+    camera_pictures,
     can_bus,
     controllers,
     depth,
@@ -43,6 +44,7 @@ KINDS: Mapping[str, type[Fault]] = {
         can_bus,
         sensors,
         sensor_scale,
+        camera_pictures,
         skin,
         depth,
         controllers,

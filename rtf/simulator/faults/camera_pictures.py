@@ -1,0 +1,65 @@
+"""Faults of cameras that change their pictures: noise, exposure, and the order of the colours."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtf.simulator.faults.base import Parameter
+from rtf.simulator.faults.sensors import CameraFault
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+_WHITE = 255.0
+
+
+class CameraNoise(CameraFault):
+    """Noise of the pixels of a camera."""
+
+    kind = "camera_noise"
+    description = "The pictures of the camera are noisy: its gain is too high, or its cable is disturbed."
+    symptom = "Pixels differ from their neighbours, and from picture to picture."
+    parameters = (Parameter("deviation", 15.0, "%", "standard deviation of each colour, of white", 0.0, 100.0),)
+    deviation: float
+
+    def begin(self) -> None:
+        # With numbers of its own: how often pictures are made must not change what other faults draw.
+        self._random = np.random.default_rng([self.simulation.seed, *self.target.encode()])
+        super().begin()
+
+    def show(self, pixels: NDArray[np.uint8], now: float) -> NDArray[np.uint8]:
+        del now
+        noise = self._random.normal(0.0, self.deviation / 100.0 * _WHITE, pixels.shape)
+        return np.clip(np.rint(pixels + noise), 0.0, _WHITE).astype(np.uint8)
+
+
+class CameraExposure(CameraFault):
+    """Wrong exposure of a camera."""
+
+    kind = "camera_exposure"
+    description = "The exposure of the camera is wrong: its settings are lost, or its iris hangs."
+    symptom = "Its pictures are darker, or brighter, than those of another camera that sees the same scene."
+    parameters = (Parameter("factor", 0.3, "", "of the brightness", 0.0, 100.0, healthy=1.0),)
+    factor: float
+
+    def show(self, pixels: NDArray[np.uint8], now: float) -> NDArray[np.uint8]:
+        del now
+        brighter: NDArray[np.uint8] = np.minimum(np.rint(self.factor * pixels), _WHITE).astype(np.uint8)
+        return brighter
+
+
+class CameraColours(CameraFault):
+    """Exchanged colours of a camera."""
+
+    kind = "camera_colours"
+    description = "Red and blue of the camera are exchanged: its driver has another order of the colours."
+    symptom = "Red things are blue; another camera that sees the same scene shows other colours."
+
+    def show(self, pixels: NDArray[np.uint8], now: float) -> NDArray[np.uint8]:
+        del now
+        return np.ascontiguousarray(pixels[:, :, ::-1])
+
+
+KINDS = (CameraNoise, CameraExposure, CameraColours)
