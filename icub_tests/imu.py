@@ -18,6 +18,7 @@ from rtf.robot_testing.judging.blame import Evidence
 from rtf.robot_testing.judging.kinematics import rotation_of, rotation_vector
 from rtf.robot_testing.judging.orientations import each_once, sure_turn, turns_of, vertical_turn
 from rtf.robot_testing.judging.robot_description import read_description
+from rtf.robot_testing.judging.statistics import jitter
 from rtf.robot_testing.judging.vector_channels import Bounds, judge_channels
 from rtf.robot_testing.motion.start_position import late_evidence, late_joints
 from rtf.robot_testing.robot_name import robot_model
@@ -103,6 +104,9 @@ class Imu(StreamTest):
     max_turn = Parameter(float, "misalignment of a unit (lower confidence bound)", unit="deg", default=3.0, low=0.0)
     # Data sheets of such units have scales within 3 %, and misalignments of two degrees.
     gain = Parameter(float, "greatest error of the gain along an axis", default=0.1, low=0.01)
+    # Ten times what such units have at 100 Hz.
+    max_rate_noise = Parameter(float, "noise of the angular velocity", unit="deg/s", default=1.0, low=0.0)
+    max_acceleration_noise = Parameter(float, "the same of the acceleration", unit="m/s^2", default=0.3, low=0.0)
     gravity_tolerance = Parameter(float, "tolerance of gravity about 9.81", unit="m/s^2", default=0.5, low=0.0)
 
     def setup(self) -> None:
@@ -280,6 +284,8 @@ class Imu(StreamTest):
         turning = turns_of(felt.expected, felt.times, _WINDOW)
         fast = np.linalg.norm(turning, axis=1)
         self._judge_orientation(felt)
+        self._judge_noise(unit, "angular velocity", felt.speeds, "deg/s", self.max_rate_noise)
+        self._judge_noise(unit, "acceleration", felt.accelerations, "m/s^2", self.max_acceleration_noise)
         expected, found = [], []
         if felt.speeds is not None:
             rates = self._judge_rates(felt.times, felt.speeds, turning)
@@ -314,6 +320,13 @@ class Imu(StreamTest):
         self._off("greatest error of the orientation", float(size.max()), "rad", self.max_error)
         still = int((np.ptp(felt.orientations, axis=0) == 0.0).all())
         self.check_fail_if_true(still, f"the orientation never changed; {likely_causes('sensor frozen')}")
+
+    def _judge_noise(self, unit: _Unit, what: str, values: FloatArray | None, symbol: str, most: float) -> None:
+        """Judge the noise of the noisiest axis, from measurement to measurement."""
+        if values is not None:
+            noise = max(map(jitter, values.T))
+            hint = f"{unit.name}: its {what} jumps by {noise:.2g} {symbol}; {likely_causes('noise')}"
+            self.measure(f"noise of the {what}", noise, symbol, high=most, hint=hint)
 
     def _judge_rates(self, times: FloatArray, speeds: FloatArray, turning: FloatArray) -> FloatArray:
         """Compare the mean angular velocities of windows with those of the joints; return the means."""

@@ -12,7 +12,8 @@ from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.joints_test import JointsTest
 from rtf.robot_testing.judging.encoder_errors import Spikes, errors_of, spikes_of
 from rtf.robot_testing.judging.friction_profile import friction_profile
-from rtf.robot_testing.judging.motor_model import TOLERANCE, UNEVEN, jitter, motor_model
+from rtf.robot_testing.judging.motor_model import TOLERANCE, UNEVEN, motor_model
+from rtf.robot_testing.judging.statistics import jitter
 from rtf.robot_testing.judging.step_response import with_noise
 from rtf.robot_testing.motion.joint_swings import JointSwinger, Outcome, ends_of
 from rtf.robot_testing.motion.known_motors import known_motors, limpness

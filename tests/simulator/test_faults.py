@@ -757,6 +757,28 @@ def force_axes_are_exchanged(bench: Bench) -> None:
     assert read_as(bench, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]) == [2.0, 1.0, 3.0, 5.0, 4.0, 6.0]
 
 
+def force_shows_along_another_axis(bench: Bench) -> None:
+    """Three tenths of z are added to x."""
+    assert read_as(bench, [1.0, 2.0, 30.0, 4.0, 5.0, 6.0]) == pytest.approx([10.0, 2.0, 30.0, 4.0, 5.0, 6.0])
+
+
+def scatter(bench: Bench, category: SensorCategory) -> float:
+    """The standard deviation of what the unit shows at rest."""
+    return float(np.std([read_as(bench, [0.0, 0.0, 0.0], category) for _ in range(300)]))
+
+
+def turns_noisily(bench: Bench) -> None:
+    """By 5 deg/s; the acceleration is as before."""
+    assert scatter(bench, SensorCategory.GYROSCOPE) == pytest.approx(5.0, rel=0.1)
+    assert scatter(bench, SensorCategory.ACCELEROMETER) == 0.0
+
+
+def falls_noisily(bench: Bench) -> None:
+    """By 1 m/s2; the angular velocity is as before."""
+    assert scatter(bench, SensorCategory.ACCELEROMETER) == pytest.approx(1.0, rel=0.1)
+    assert scatter(bench, SensorCategory.GYROSCOPE) == 0.0
+
+
 def turns_half(bench: Bench) -> None:
     """Half of the angular velocity, and all of the acceleration."""
     assert read_as(bench, [2.0, 4.0, 6.0], SensorCategory.GYROSCOPE) == [1.0, 2.0, 3.0]
@@ -1026,6 +1048,9 @@ SHOWS: dict[str, Callable[[Bench], None]] = {
     "imu_frozen": imu_freezes,
     "ft_gain": force_is_scaled,
     "ft_axes": force_axes_are_exchanged,
+    "ft_cross_talk": force_shows_along_another_axis,
+    "gyroscope_noise": turns_noisily,
+    "accelerometer_noise": falls_noisily,
     "gyroscope_gain": turns_half,
     "accelerometer_gain": falls_half,
     "gyroscope_axes": turns_about_another_axis,

@@ -35,8 +35,6 @@ _OUTSIDE = 3.0
 #: What makes the error of a coefficient great that has no effect: a share of the squares, and a noise (A).
 _SINGULAR, _LEAST_NOISE = 1e-12, 1e-6
 _PER_CENT = 100.0
-#: The standard deviation of a normal distribution, by its median deviation.
-_NORMAL = 1.4826
 #: What the currents, and the torque constant, of a healthy motor deviate by from those of its drive, as a share:
 #: windings have tolerances of 10 %, and 24 % more resistance when they are 60 degrees warmer.
 TOLERANCE = 0.3
@@ -116,12 +114,6 @@ def _backwards(
     volts = supply / _PER_CENT
     gain = drive.resistance / (volts * by_current) if by_current else math.inf
     return float(gain), float(volts * by_speed / (math.radians(1.0) * drive.torque_constant))
-
-
-def jitter(values: FloatArray) -> float:
-    """Return the noise of values from state to state (standard deviation), by the median of their differences."""
-    steps = np.diff(values)
-    return float(np.median(np.abs(steps - np.median(steps)))) * _NORMAL / math.sqrt(2.0) if len(steps) else 0.0
 
 
 def _size(values: FloatArray) -> float:

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
 
 
+#: The standard deviation of a normal distribution, by its median deviation.
+_NORMAL = 1.4826
 #: The default confidence level.
 CONFIDENCE = 0.99
 
@@ -136,6 +138,12 @@ def surely_beyond(values: ArrayLike, share: float, level: float = CONFIDENCE) ->
     count = ordered.size
     place = count * share - NormalDist().inv_cdf(level) * math.sqrt(count * share * (1.0 - share))
     return float(ordered[max(0, math.floor(place) - 1)])
+
+
+def jitter(values: FloatArray) -> float:
+    """Return the noise of values from state to state (standard deviation), by the median of their differences."""
+    steps = np.diff(values)
+    return float(np.median(np.abs(steps - np.median(steps)))) * _NORMAL / math.sqrt(2.0) if len(steps) else 0.0
 
 
 def student(level: float, freedom: int) -> float:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rtf.robot_testing.judging.failure_causes import likely_causes
-from rtf.robot_testing.judging.statistics import fit_line
+from rtf.robot_testing.judging.statistics import CONFIDENCE, fit_line, student
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
@@ -62,16 +62,32 @@ def channels_of(measured: FloatArray, expected: FloatArray, error: float) -> lis
     return found
 
 
+def cross_talk(values: FloatArray, expected: FloatArray, axes: list[int]) -> dict[int, tuple[float, float]]:
+    """Return how much a channel shows of some axes of the vectors: the share of each, and half its interval (99 %).
+
+    All axes are fitted together, with an offset; ``axes`` are those that vary. Nothing for too few samples.
+    """
+    columns = np.column_stack([expected[:, axes], np.ones(len(values))])
+    freedom = len(values) - columns.shape[1]
+    if freedom < 1:
+        return {}
+    found, *_ = np.linalg.lstsq(columns, values, rcond=None)
+    noise = float(np.sqrt(np.sum((values - columns @ found) ** 2) / freedom))
+    errors = student(CONFIDENCE, freedom) * noise * np.sqrt(np.diag(np.linalg.pinv(columns.T @ columns)))
+    return {axis: (float(found[place]), float(errors[place])) for place, axis in enumerate(axes)}
+
+
 def judge_channels(
     test: TestCase, sensor: str, what: str, symbol: str, measured: FloatArray, expected: FloatArray, bounds: Bounds
 ) -> None:
     """Judge the axes and the gains of a sensor with three channels, such as its ``force`` in ``N``.
 
     What its line does not explain is at most twice the error of a sample, and the share ``bounds.gain`` of the vector's
-    change: more is a sensor that is turned, or cross-talk. The gains of axes along which the vector hardly changes are
-    reported as not judged.
+    change: more is a sensor that is turned, or cross-talk, which is judged by itself. The gains of axes along which the
+    vector hardly changes are reported as not judged.
     """
     whole = float(np.linalg.norm(expected.std(axis=0)))
+    varying = [int(axis) for axis in np.flatnonzero(expected.std(axis=0) >= bounds.known * bounds.error)]
     for own, channel in enumerate(channels_of(measured, expected, bounds.error)):
         name = f"{what} {_AXES[own]}"
         shown = f"{'-' if channel.sign < 0 else ''}{_AXES[channel.axis]}"
@@ -92,3 +108,9 @@ def judge_channels(
             f"{sensor}: its {name} is {channel.line.slope:.2f} times what it should be; {likely_causes('sensor gain')}"
         )
         test.measure(f"gain of {name}", channel.line.slope, "", 1.0 - allowed, 1.0 + allowed, hint=hint)
+        for axis, (share, interval) in cross_talk(measured[:, own], expected, varying).items():
+            if axis != own and interval <= bounds.gain:  # axes that vary together cannot be told apart
+                allowed = bounds.gain + interval
+                hint = f"{sensor}: its {name} shows {share:.2f} times what is along {_AXES[axis]}; "
+                hint += likely_causes("sensor axes")
+                test.measure(f"{_AXES[axis]} in {name}", share, "", -allowed, allowed, hint=hint)

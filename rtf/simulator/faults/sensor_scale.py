@@ -1,4 +1,4 @@
-"""Faults of the scale, of the axes and of the names of sensors: their configuration is not what they are."""
+"""Faults of the scale, of the axes, of the noise and of the names of sensors."""
 
 from __future__ import annotations
 
@@ -54,6 +54,57 @@ class ForceTorqueAxes(ForceTorqueFault):
         one, other = round(self.first), round(self.second)
         for begin in (0, 3):
             values[[begin + one, begin + other]] = values[[begin + other, begin + one]]
+
+
+class ForceTorqueCrossTalk(ForceTorqueFault):
+    """Cross-talk of a force-torque sensor."""
+
+    kind = "ft_cross_talk"
+    description = "A force of the sensor acts on another one, too: it is overloaded and bent, or its matrix is wrong."
+    symptom = "A load along one axis shows along another one as well."
+    parameters = (Parameter("share", 0.3, "", "of the force along z that x shows in addition", -10.0, 10.0),)
+    share: float
+
+    def show(self, name: str, category: SensorCategory, values: FloatArray, now: float) -> None:
+        del name, category, now
+        values[0] += self.share * values[2]
+
+
+class _ImuNoise(ImuFault):
+    """Noise of one of the sensors of an inertial unit."""
+
+    category: SensorCategory
+    deviation: float
+
+    def begin(self) -> None:
+        # With numbers of its own: how often a sensor is read must not change what other faults draw.
+        self._random = np.random.default_rng([self.simulation.seed, self.category.value])
+        super().begin()
+
+    def show(self, name: str, category: SensorCategory, values: FloatArray, now: float) -> None:
+        del name, now
+        if category is self.category:
+            values += self._random.normal(0.0, self.deviation, values.shape)
+
+
+class GyroscopeNoise(_ImuNoise):
+    """Noise of the gyroscope."""
+
+    kind = "gyroscope_noise"
+    category = SensorCategory.GYROSCOPE
+    description = "The gyroscope of the inertial unit is noisy: its supply is disturbed, or its filter is off."
+    symptom = "Its angular velocities jump from reading to reading, also at rest."
+    parameters = (Parameter("deviation", 5.0, "deg/s", "standard deviation about each axis", 0.0, 1e4),)
+
+
+class AccelerometerNoise(_ImuNoise):
+    """Noise of the accelerometer."""
+
+    kind = "accelerometer_noise"
+    category = SensorCategory.ACCELEROMETER
+    description = "The accelerometer of the inertial unit is noisy: it is loose, or its filter is off."
+    symptom = "Its accelerations jump from reading to reading, also at rest."
+    parameters = (Parameter("deviation", 1.0, "m/s2", "standard deviation along each axis", 0.0, 1e4),)
 
 
 class _ImuGain(ImuFault):
@@ -151,4 +202,15 @@ class CameraZoom(CameraFault):
         return places
 
 
-KINDS = (ForceTorqueGain, ForceTorqueAxes, GyroscopeGain, AccelerometerGain, GyroscopeAxes, CamerasSwapped, CameraZoom)
+KINDS = (
+    ForceTorqueGain,
+    ForceTorqueAxes,
+    ForceTorqueCrossTalk,
+    GyroscopeGain,
+    AccelerometerGain,
+    GyroscopeAxes,
+    GyroscopeNoise,
+    AccelerometerNoise,
+    CamerasSwapped,
+    CameraZoom,
+)

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rtf.robot.model.drives import Drive
-from rtf.robot_testing.judging.motor_model import MotorModel, jitter, motor_model, wrong_motor
+from rtf.robot_testing.judging.motor_model import MotorModel, motor_model, wrong_motor
 
 SUPPLY, RESISTANCE, CONSTANT = 24.0, 3.0, 0.03
 DRIVE = Drive("current", SUPPLY, RESISTANCE, CONSTANT, 0.01, 0.001, assumed=False, turns=100.0)
@@ -145,14 +145,3 @@ def test_what_a_motor_does_not_do_as_its_drive_says_is_described():
     assert wrong(np.where(duties > 0.0, 2.0 * duties, duties), currents, speeds).startswith("a positive duty cycle")
     assert wrong(duties - 0.7 * induced, currents, speeds) == "its torque constant is 30% of that in robot.toml"
     assert wrong(duties - 2.0 * induced, currents, speeds) == "its torque constant is -100% of that in robot.toml"
-
-
-@given(st.floats(0.001, 1.0), st.integers(0, 2**32 - 1))
-def test_jitter_is_noise_without_what_changes_slowly(deviation: float, seed: int):
-    """Neither a sine nor single jumps count; without values there is none."""
-    time = np.linspace(0.0, 6.0, 600)
-    values = deviation * np.random.default_rng(seed).standard_normal(time.size)
-    assert jitter(values + 3.0 * deviation * np.sin(time)) == pytest.approx(deviation, rel=0.25)
-    values[::60] += 100.0 * deviation
-    assert jitter(values) == pytest.approx(deviation, rel=0.25)
-    assert jitter(np.array([1.0])) == 0.0

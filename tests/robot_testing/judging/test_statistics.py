@@ -4,8 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from rtf.robot_testing.judging.statistics import confidence, fit_line, periods_of, student
+from rtf.robot_testing.judging.statistics import confidence, fit_line, jitter, periods_of, student
 
 _RUNS = 1000
 
@@ -58,3 +60,14 @@ def test_the_rate_of_a_steady_stream_has_a_narrow_interval():
     found = [periods_of(0.01 * np.arange(201) + random.normal(0.0, 0.002, 201)) for _ in range(_RUNS)]
     assert np.median([one.rate_interval for one in found]) == pytest.approx(0.37, abs=0.05)
     assert np.mean([abs(one.rate - 100.0) <= one.rate_interval for one in found]) > 0.98
+
+
+@given(st.floats(0.001, 1.0), st.integers(0, 2**32 - 1))
+def test_jitter_is_noise_without_what_changes_slowly(deviation: float, seed: int):
+    """Neither a sine nor single jumps count; without values there is none."""
+    time = np.linspace(0.0, 6.0, 600)
+    values = deviation * np.random.default_rng(seed).standard_normal(time.size)
+    assert jitter(values + 3.0 * deviation * np.sin(time)) == pytest.approx(deviation, rel=0.25)
+    values[::60] += 100.0 * deviation
+    assert jitter(values) == pytest.approx(deviation, rel=0.25)
+    assert jitter(np.array([1.0])) == 0.0

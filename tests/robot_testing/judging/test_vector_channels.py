@@ -94,3 +94,19 @@ def test_what_cannot_be_known_is_reported():
         "left: its force x shows what is along y",
         "left: its force y shows what is along x",
     ]
+
+
+@given(st.integers(0, 2), st.integers(1, 2), st.sampled_from([-0.3, 0.2, 0.5]))
+def test_cross_talk_is_named(own: int, step: int, share: float):
+    """A channel that shows a share of another axis, which its own line does not explain."""
+    other, measured = (own + step) % 3, LOADS + NOISE
+    measured[:, own] += share * LOADS[:, other]
+    wrong = judged(measured).wrong
+    assert f"{'xyz'[other]} in force {'xyz'[own]}" in wrong
+    assert all(name.endswith(f"force {'xyz'[own]}") for name in wrong)
+
+
+def test_axes_that_vary_together_have_no_cross_talk():
+    """A load whose y is always twice its x: what a channel shows of which cannot be known."""
+    loads = LOADS[:, [0, 0, 2]] * [1.0, 2.0, 1.0] + 0.001 * NOISE
+    assert judged(loads + NOISE, loads).wrong == []
