@@ -200,6 +200,7 @@ class ControlModes(JointsTest):
 
     def _request(self, request: ControlMode, joints: list[int]) -> str:
         try:
+            self.robot_part.let_go.update(joints)  # whatever is requested, idle is among it
             self.robot_part.board.set_control_modes([request] * len(joints), joints)
         except RefusedError as error:
             return str(error)

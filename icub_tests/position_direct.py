@@ -133,13 +133,14 @@ class PositionDirect(RobotTest):
             self.progress(place / len(self.forms), name)
             bring(self, part, self.chosen, self.middle)
             try:
-                self._enter(part)
-                lost = self._probe(part, form)
-                run = self._follow(part, form)
-            except GuardError as error:
+                try:
+                    self._enter(part)
+                    lost = self._probe(part, form)
+                    run = self._follow(part, form)
+                finally:
+                    part.set_mode(ControlMode.POSITION)
+            except GuardError as error:  # also on the way back
                 self.blame(part, error, "runs away", joints=self.chosen, during=name)
-            finally:
-                part.set_mode(ControlMode.POSITION)
             self._judge_stimulus(name, run)
             for column, joint in enumerate(self.chosen):
                 with self.subresult(f"{part.names[joint]} {name}"):

@@ -79,11 +79,12 @@ class TorqueControlConsistency(RobotTest):
             groups = [[joint] for joint in self.chosen] if form == "single" else [self.chosen]
             for group in groups:
                 try:
-                    self._test(part, form, group)
-                except GuardError as error:
+                    try:
+                        self._test(part, form, group)
+                    finally:
+                        hold(part, group)
+                except GuardError as error:  # also on the way back
                     self.blame(part, error, "runs away", joints=group, during=form)
-                finally:
-                    hold(part, group)
                 part.wait(_MODE_TIME)
         bring(self, part, self.chosen, self.places)
 

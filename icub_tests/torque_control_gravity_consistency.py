@@ -8,6 +8,7 @@ import numpy as np
 
 from rtf.robot.model.errors import MissingPackageError
 from rtf.robot_testing import RobotTest, Safety, fit_line, likely_causes
+from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.judging.gravity import GravityModel
 from rtf.robot_testing.motion.start_position import bring, hold
 from rtf.robot_testing.robot_name import robot_model
@@ -98,16 +99,19 @@ class TorqueControlGravityConsistency(RobotTest):
             self.progress(place / len(self.chosen), part.names[joint])
             with self.subresult(f"{part.names[joint]} in all postures"):
                 try:
-                    for position in self._positions(part, joint):
-                        # Friction has opposite signs on the two sides, so a posture needs both.
-                        sides = [self._measure(part, joint, position, side) for side in (-1.0, 1.0)]
-                        torques, models = np.mean(sides, axis=0)
-                        measured.append(torques)
-                        wanted.append(models)
-                    self.check(True, f"{part.names[joint]}: {self.postures} postures")
-                finally:
-                    hold(part, [joint])
-                    part.move([part.home[joint]], [joint], speed=self.speed)
+                    try:
+                        for position in self._positions(part, joint):
+                            # Friction has opposite signs on the two sides, so a posture needs both.
+                            sides = [self._measure(part, joint, position, side) for side in (-1.0, 1.0)]
+                            torques, models = np.mean(sides, axis=0)
+                            measured.append(torques)
+                            wanted.append(models)
+                    finally:
+                        hold(part, [joint])
+                        part.move([part.home[joint]], [joint], speed=self.speed)
+                except GuardError as error:
+                    self.blame(part, error, "runs away", joints=[joint])
+                self.check(True, f"{part.names[joint]}: {self.postures} postures")
         self.assert_error_if_true(len(measured) < _FEWEST, "too few postures could be measured")
         self._judge_all(part, np.array(measured), np.array(wanted))
 

@@ -114,23 +114,31 @@ class TorqueControlStiffDampCheck(RobotTest):
         before = {one: part.board.impedance(one) for one in self.transmission.coupled(joint)}
         self._require_springs(part, joint, before, spring)
         try:
-            for other, (stiffness, _) in before.items():
-                if other != joint and stiffness <= 0:
-                    part.board.set_impedance(other, spring, damper)
-            if spring > 0:
-                trace = self._give_way(part, joint, self.homes[place], spring, 0.0)
-                self._judge(part.names[joint], "stiffness", spring, trace.positions[:, joint], trace.torques[:, joint])
-            if damper > 0:
-                trace = self._give_way(part, joint, self.homes[place], 0.0, damper)
-                self._judge(part.names[joint], "damping", damper, trace.velocities[:, joint], trace.torques[:, joint])
-        except GuardError as error:
+            try:
+                self._give_way_twice(part, joint, place, before)
+            finally:
+                hold(part, [joint])
+                for one, impedance in before.items():
+                    if part.board.impedance(one) != impedance:
+                        part.board.set_impedance(one, *impedance)
+        except GuardError as error:  # also on the way back
             self.blame(part, error, "runs away", "impedance", joints=[joint])
-        finally:
-            hold(part, [joint])
-            for one, impedance in before.items():
-                if part.board.impedance(one) != impedance:
-                    part.board.set_impedance(one, *impedance)
         bring(self, part, [joint], [self.homes[place]])
+
+    def _give_way_twice(
+        self, part: Part, joint: int, place: int, impedances: Mapping[int, tuple[float, float]]
+    ) -> None:
+        """Make a joint a spring, then a damper, and judge each; joints that share its motors get the same impedance."""
+        spring, damper = self.springs[place], self.dampers[place]
+        for other, (stiffness, _) in impedances.items():
+            if other != joint and stiffness <= 0:
+                part.board.set_impedance(other, spring, damper)
+        if spring > 0:
+            trace = self._give_way(part, joint, self.homes[place], spring, 0.0)
+            self._judge(part.names[joint], "stiffness", spring, trace.positions[:, joint], trace.torques[:, joint])
+        if damper > 0:
+            trace = self._give_way(part, joint, self.homes[place], 0.0, damper)
+            self._judge(part.names[joint], "damping", damper, trace.velocities[:, joint], trace.torques[:, joint])
 
     def _require_springs(
         self, part: Part, joint: int, impedances: Mapping[int, tuple[float, float]], spring: float

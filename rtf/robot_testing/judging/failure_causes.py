@@ -79,6 +79,12 @@ _CAUSES: dict[str, tuple[str, ...]] = {
         "a ball out of reach",
     ),
     "camera dark": ("a cap on the lens", "an exposure of zero", "a dead sensor"),
+    "lost mode": (
+        "a limit of its board that was passed: current, temperature, following error",
+        "an emergency button",
+        "another program that commands the joint",
+        "a board that was reset",
+    ),
     "camera noise": ("a gain that is too high", "too little light", "a disturbed cable"),
     "camera colours": (
         "exchanged red and blue in a driver",

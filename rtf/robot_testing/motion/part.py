@@ -77,6 +77,8 @@ class Part:
         self.axes = board.axes()
         self.names = board.axis_names()
         self.history = Trace(_HISTORY)  # the last seconds, for the recording of a failure
+        #: Joints that a test leaves without power on purpose, now or before.
+        self.let_go: set[int] = set()
         board.observe(self.history.add)
         joints = range(self.axes)
         # As read by the guard: reading takes a request for each joint.
@@ -165,6 +167,8 @@ class Part:
         with suppress(RefusedError):  # a board may refuse all because of one joint; the modes show which
             self.board.set_control_modes([mode] * len(chosen), chosen)
         wanted = ControlMode.IDLE if mode is ControlMode.FORCE_IDLE else mode
+        if wanted is ControlMode.IDLE:
+            self.let_go.update(chosen)
         return (
             yield from until(
                 self.clock, lambda: all(found is wanted for found in self.board.control_modes(chosen)), timeout

@@ -1,9 +1,9 @@
 """Evidence on a motion that went wrong, from the last states of the part: whose fault it was.
 
 The states before the guard stopped a joint, or before a joint was found not to have arrived, show which encoders
-disagree, and which motors do not follow. Where a joint was stopped as soon as the test began, there are none, and those
-after the stop are used: a motor that works against its controller does so then, too. That the guard stopped a joint is
-evidence, too, but an uncertain one.
+disagree, which motors do not follow, and which joints left their mode by themselves. Where a joint was stopped as soon
+as the test began, there are none, and those after the stop are used: a motor that works against its controller does so
+then, too. That the guard stopped a joint is evidence, too, but an uncertain one.
 """
 
 from __future__ import annotations
@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rtf.robot.control_modes import mode_word
 from rtf.robot.errors import RobotError
 from rtf.robot.extended_state import Field
 from rtf.robot_testing.guard.limits import GuardError
+from rtf.robot_testing.guard.reactions import LIMP
 from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.judging.blame import Evidence
 from rtf.robot_testing.judging.drive_agreement import Drive, drive_evidence
@@ -25,6 +27,8 @@ from rtf.robot_testing.judging.encoder_agreement import Motion, encoder_evidence
 if TYPE_CHECKING:
     from collections.abc import Collection
 
+    from numpy.typing import NDArray
+
     from rtf.robot_testing.motion.part import Part
 
 #: The time before a stop in which encoders are compared, and motors with their duty cycles, s.
@@ -32,6 +36,7 @@ _COMPARED = 5.0
 #: The least number of states, and the time for which more are awaited after an earlier stop, s.
 _FEWEST = 10
 _LONGER = 0.3
+_LIMP = [int(mode) for mode in LIMP]
 _NEEDED = (Field.JOINT_POSITIONS, Field.MOTOR_POSITIONS, Field.DUTY_CYCLES)
 
 
@@ -83,4 +88,26 @@ def _by_sensors(part: Part, until: float, transmission: Transmission, suspects: 
     found = encoder_evidence(Motion.of(joints, motors, gearbox, coupling), part.names)
     duties = states.duty_cycles[chosen] * np.sign(gearbox)
     drive = Drive(time[chosen], duties, joints, motors / gearbox, coupling)
-    return found or drive_evidence(drive, part.names, suspects)
+    return (
+        found or drive_evidence(drive, part.names, suspects) or _by_modes(part, states.control_modes[chosen], suspects)
+    )
+
+
+def _by_modes(part: Part, modes: NDArray[np.int32], suspects: Collection[int]) -> list[Evidence]:
+    """Return which joints have no power although neither the test nor the guard took it.
+
+    ``modes`` has the shape (states, joints). A joint that had none in any of these states counts if it is suspected.
+    """
+    excluded = part.guard.is_excluded if part.guard is not None else lambda _: False
+    driven, found = ~np.isin(modes, _LIMP), []
+    for joint in np.flatnonzero(~driven[-1]).tolist():
+        before = modes[driven[:, joint], joint]
+        # A joint in hardware fault that has just been stopped is excluded by that.
+        if joint in part.let_go or (joint not in suspects and (excluded(joint) or not before.size)):
+            continue
+        now = mode_word(int(modes[-1, joint]))
+        text = (
+            f"left {mode_word(int(before[-1]))} for {now} by itself" if before.size else f"is in {now}, without power"
+        )
+        found.append(Evidence(frozenset({joint}), f"{part.names[joint]} {text}", ("lost mode",)))
+    return found

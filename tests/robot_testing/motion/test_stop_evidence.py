@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from rtf.robot.control_modes import ControlMode
 from rtf.robot.errors import RefusedError
 from rtf.robot_testing import GuardError
 from rtf.robot_testing.judging.blame import Strength
@@ -52,6 +53,29 @@ def test_encoders_that_disagree_come_before_the_word_of_the_guard(bench: PartBen
     assert (certain.joints, certain.strength) == ({0}, Strength.CERTAIN)
     assert "joint0: its motor moves it by 20.0 deg by its encoder, and the joint's encoder shows 0.0" in certain.text
     assert uncertain.joints == {1}
+
+
+@pytest.mark.parametrize("mode", [ControlMode.HARDWARE_FAULT, ControlMode.IDLE])
+def test_a_joint_that_lost_its_power_is_named(bench: PartBench, mode: ControlMode):
+    """By itself: it comes before the word of the guard. What a test leaves without power on purpose does not count."""
+    swing(bench)
+    board = bench.device._board
+    with board.lock:
+        board.enter(2, mode)
+    for _ in range(10):
+        bench.time.sleep(0.02)
+    certain, uncertain = stop_evidence(bench.part, STOP)
+    assert (certain.joints, certain.strength) == ({2}, Strength.CERTAIN)
+    assert certain.text == f"joint2 left pos for {mode.word} by itself"
+    assert "an emergency button" in certain.sentence
+    assert uncertain.joints == {1}
+    for _ in range(300):
+        bench.time.sleep(0.02)
+    assert [one.joints for one in stop_evidence(bench.part, STOP)] == [{1}], "nobody asked for it for a long time"
+    (late,) = stop_evidence(bench.part, late=[2])
+    assert late.text == f"joint2 is in {mode.word}, without power"
+    bench.part.let_go.add(2)
+    assert stop_evidence(bench.part, late=[2]) == []
 
 
 def test_states_after_a_stop_are_no_evidence(bench: PartBench):
