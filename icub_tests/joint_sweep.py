@@ -227,9 +227,9 @@ class JointSweep(JointsTest):
         found = motor_model(duties, currents, own.speeds[:, joint], motor.drive, motor.supply)
         explained = jitter(duties) * motor.supply / (100.0 * motor.drive.resistance)
         noise = math.sqrt(max(0.0, jitter(currents) ** 2 - explained**2))
-        hint = f"{name}: the current jumps by {noise:.2g} A from state to state; {likely_causes('noise')}"
         most = with_noise(self.noise / 100.0 * motor.peak, motor.drive.current_noise, max(2, len(currents)))
-        self.measure("noise of the current", noise, "A", high=most, hint=hint)
+        hint = f"{name}: the current jumps by {noise:.2g} A from state to state; {likely_causes('noise')}"
+        self.measure("noise of the current", noise, "A", high=most if motor.known else None, hint=hint)
         if math.isnan(found.gain):
             return
         near = self.current if motor.known else math.inf

@@ -27,10 +27,10 @@ def judged(duties: np.ndarray, currents: np.ndarray, speeds: np.ndarray, *, know
 
 @pytest.mark.parametrize("known", [True, False])
 def test_a_healthy_motor_passes(known: bool):
-    """All four numbers are measured."""
+    """All five numbers are measured."""
     kept = judged(*states(), known=known)
     assert not kept.failures
-    assert len(kept.values) == 4
+    assert len(kept.values) == 5
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
@@ -44,7 +44,8 @@ def test_without_a_winding_in_robot_toml_the_scale_is_not_judged(factor: float):
 
 @pytest.mark.parametrize("known", [True, False])
 @pytest.mark.parametrize(
-    ("factor", "words"), [(0.0, "the current is 0 %"), (-1.0, "the sign opposite to the duty cycle")]
+    ("factor", "words"),
+    [(0.0, "the current does not follow the duty cycle"), (-1.0, "the sign opposite to the duty cycle")],
 )
 def test_a_dead_sensor_and_a_wrong_sign_are_found_on_any_motor(known: bool, factor: float, words: str):
     """No winding explains them."""
@@ -73,6 +74,20 @@ def test_weak_magnets_are_found_where_the_constant_is_known():
 
 
 def test_a_motor_that_was_not_driven_is_not_judged():
-    """Nor measured."""
+    """But for the noise of its current."""
     duties, currents, speeds = states()
-    assert not judged(0.0 * duties, currents, speeds, known=True).values
+    assert judged(0.0 * duties, currents, speeds, known=True).values.keys() == {"noise of the current"}
+
+
+def test_noise_of_a_current_is_found_where_the_winding_is_known():
+    """Beyond what the duty cycles explain, which are noisy where an encoder is."""
+    duties, currents, speeds = states()
+    random = np.random.default_rng(3)
+    kept = judged(duties, currents + random.normal(0.0, 0.5, len(duties)), speeds, known=True)
+    assert "elbow: the current jumps by" in kept.failures[0]
+    assert kept.values["noise of the current"] == pytest.approx(0.5, rel=0.15)
+    assert not judged(duties, currents + random.normal(0.0, 0.5, len(duties)), speeds, known=False).failures
+    jumping = random.normal(0.0, 5.0, len(duties))
+    assert not judged(
+        duties + jumping, currents + jumping * SUPPLY / 100.0 / DRIVE.resistance, speeds, known=True
+    ).failures
