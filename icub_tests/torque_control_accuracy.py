@@ -65,7 +65,7 @@ class TorqueControlAccuracy(CoupledStepTest):
     lead = Parameter(float, "time in torque mode before the step", unit="s", default=0.3, low=0.1)
     travel = Parameter(float, "displacement after which a joint is held again", unit="deg", default=8.0, low=0.5)
     holding_error = Parameter(
-        float, "before the step, at most; a tenth of the torque that holds the joint if that is more", unit="Nm",
+        float, "before the step, at most; a tenth of what the motors of the joint carry if that is more", unit="Nm",
         default=0.2, low=0.0,
     )  # fmt: skip
     band = Parameter(
@@ -83,6 +83,7 @@ class TorqueControlAccuracy(CoupledStepTest):
     def setup(self) -> None:
         """See StepTest."""
         self._begins_at: dict[int, float] = {}  # deg, where each joint is when its step begins
+        self._carried: dict[int, float] = {}  # Nm, what the motors of each joint carry of it together, at most
         super().setup()
 
     def choose(self, part: Part) -> list[int]:
@@ -98,6 +99,8 @@ class TorqueControlAccuracy(CoupledStepTest):
         self._begins_at[joint] = home
         torques = yield from holding_torques(self, part, [joint], _HOLDING)
         held, step = float(torques[joint]), self.step
+        carried = float(np.abs(self.transmission.by_motors(torques, joint)).sum())
+        self._carried[joint] = max(carried, self._carried.get(joint, 0.0))
         most = greatest_torque(part.board, joint)
         if most is not None:
             # A joint with a weak motor is a light one: it would be too fast before its torque can be judged.
@@ -167,7 +170,7 @@ class TorqueControlAccuracy(CoupledStepTest):
     def values(self, joint: int, cycles: list[Cycle]) -> list[CheckedValue]:
         """See StepTest: add the error before the step."""
         before = [abs(error) for error in _before(cycles)]
-        most = max(self.holding_error, _TOLERANCE * max(abs(one.start) for one in cycles))
+        most = max(self.holding_error, _TOLERANCE * self._carried[joint])
         error = CheckedValue("error before the step", largest(before), "Nm", most, self.wrong_finding)
         return [error, *super().values(joint, cycles)]
 

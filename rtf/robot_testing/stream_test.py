@@ -177,7 +177,7 @@ class RateTest(StreamTest):
         # The stamps of a real robot are by another clock, whose offset looks like latency.
         shared = not isinstance(self.clock, SystemClock)
         latency = self.max_latency * factor + 2 * max(0.0, own_usual) if shared else math.inf
-        causes = likely_causes("jitter")
+        causes, usual = likely_causes("jitter"), float(np.median(stream.delays))
         return [
             CheckedValue(
                 "jitter",
@@ -188,10 +188,11 @@ class RateTest(StreamTest):
             ),
             CheckedValue(
                 "latency",
-                float(np.median(stream.delays)) * 1e3,
+                usual * 1e3,
                 "ms",
                 latency,
-                hint=f"messages come late; {causes}",
+                low=-latency,
+                hint=f"messages come {'late' if usual >= 0.0 else 'before the time of their stamps'}; {causes}",
             ),
         ]
 

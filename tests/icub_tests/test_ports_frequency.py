@@ -11,6 +11,7 @@ FAULTS = {
     "rate": ("wrong_rate /icubSim/left_arm/analog:o", "/icubSim/left_arm/analog:o", "rate"),
     "jitter": ("jitter /icubSim/inertial", "/icubSim/inertial", "jitter"),
     "latency": ("latency /icubSim/FTs/measures:o", "/icubSim/FTs/measures:o", "latency"),
+    "ahead": ('"old_stamps /icubSim/head/state:o share=1 behind=-1"', "/icubSim/head/state:o", "latency"),
 }
 FAULTY = "".join(
     f'<test name="{name}"><parameter name="inject">{inject}</parameter>'

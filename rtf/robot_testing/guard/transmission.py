@@ -138,6 +138,18 @@ class Transmission:
         found: FloatArray = np.asarray(duties, dtype=np.float64) @ (np.sign(self.gearbox) * self.coupling[:, joint])
         return found
 
+    def by_motors(self, torques: ArrayLike, joint: int) -> FloatArray:
+        """Return what each motor contributes to the torque of a joint, of which that is the sum; (motors,).
+
+        ``torques`` are those of all joints. Where a joint has no motor, or one is not finite, it carries itself.
+        """
+        given = np.asarray(torques, dtype=np.float64)
+        alone = np.where(np.arange(len(given)) == joint, given, 0.0)
+        if not np.isfinite(given).all() or np.linalg.matrix_rank(self.coupling) < len(given):
+            return alone
+        found: FloatArray = self.coupling[:, joint] * np.linalg.solve(self.coupling.T, given)
+        return found
+
     def holding_duty(self, duties: ArrayLike, joint: int) -> float:
         """Return the duty cycle (%) at which the joint's own motor gives the torque that all its motors give now."""
         column = np.sign(self.gearbox) * self.coupling[:, joint]

@@ -120,11 +120,18 @@ class OldStamps(_PortFault):
     """Messages with the time of an earlier one; their numbers are right."""
 
     kind = "old_stamps"
-    description = "Messages have old time stamps."
-    symptom = "Sequence numbers count, and times repeat or go back."
+    description = "Messages have old time stamps, or those of a clock that is wrong."
+    symptom = "Sequence numbers count, and times repeat, go back, or are not those of the robot."
     parameters = (
         Parameter("share", 0.1, "", "of the messages", 0.0, 1.0),
-        Parameter("behind", 0.0, "s", "how much the time is too early; 0: it is that of the message before", 0.0, 60.0),
+        Parameter(
+            "behind",
+            0.0,
+            "s",
+            "how much the time is too early, negative: too late; 0: it is that of the message before",
+            -60.0,
+            60.0,
+        ),
     )
     share: float
     behind: float

@@ -82,3 +82,17 @@ def test_a_joint_without_a_number_says_nothing_of_the_motors_that_turn_it():
     known = transmission.rotors([10.0, 0.0, 4.0])
     found = transmission.rotors([[10.0, 0.0, 4.0], [10.0, np.nan, 4.0]])
     assert np.array_equal(found, [known, [known[0], np.nan, np.nan]], equal_nan=True)
+
+
+def test_what_motors_carry_of_a_joint():
+    """Two motors of a differential work against each other for one joint; another joint carries itself."""
+    half = 0.5
+    differential = np.array([[half, -half, 0.0], [half, half, 0.0], [0.0, 0.0, 1.0]])
+    one = Transmission(np.ones(3), differential, ((0, 1), (2,)))
+    torques = np.array([6.0, 2.0, 3.0])
+    for joint, carried in ((0, 6.0), (1, 6.0), (2, 3.0)):
+        shares = one.by_motors(torques, joint)
+        assert shares.sum() == pytest.approx(torques[joint])
+        assert np.abs(shares).sum() == pytest.approx(carried)
+    torques[0] = np.nan
+    assert one.by_motors(torques, 1).tolist() == [0.0, 2.0, 0.0]
