@@ -23,6 +23,8 @@ from rtf.robot_testing.robot_name import robot_model
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Trace
     from rtf.robot_testing.guard.transmission import Transmission
@@ -39,6 +41,8 @@ _SLOWEST = 5.0
 _FEWEST = 50
 #: The least current of a motor whose winding is not known, in per cent: it has the sign of its duty cycle.
 _SIGN = 1.0
+#: The share of the states that are slower than the greatest speed, which noise exceeds now and then.
+_FASTEST = 0.98
 #: A current of less than this share of what the duty cycle drives does not follow it.
 _FOLLOWS = 0.1
 
@@ -59,7 +63,8 @@ class JointSweep(JointsTest):
     sweep at the same time.
 
     The duty cycle is compared with that of a pendulum with friction: more in one place in both directions is a sticky
-    place, more in a single move a joint that was blocked for a moment.
+    place, more in a single move a joint that was blocked for a moment. What the current of an own motor adds with the
+    speed is viscous friction.
 
     The current of the joint's motor is compared with that of a winding at the same duty cycle and speed: its sensor may
     show nothing, noise, the wrong sign, scale or zero, the amplifier may be weak in one direction, the magnets may be.
@@ -82,6 +87,10 @@ class JointSweep(JointsTest):
 
     # Half of what MotorStiction allows over the whole range.
     friction = Parameter(float, "greatest additional duty cycle in one place", unit="%", default=5.0, low=0.01)
+    viscous = Parameter(
+        float, "greatest torque of viscous friction at the greatest speed, of that by the peak current", unit="%",
+        default=10.0, low=0.01,
+    )  # fmt: skip
     current = Parameter(
         float, "greatest deviation of the current, and of the torque constant, from those of the motor in robot.toml",
         unit="%", default=100.0 * TOLERANCE, low=0.1,
@@ -168,6 +177,7 @@ class JointSweep(JointsTest):
             )
         if agree and not near.any() and joint in self.motors and np.isfinite(own.currents[:, joint]).all():
             self._judge_motor(name, joint, own)
+            self._judge_viscous_friction(name, joint, own, sweep.moves)
 
     def _judge_encoders(self, name: str, time: FloatArray, joints: FloatArray, motors: FloatArray, near: Mask) -> bool:
         """Judge what the encoders disagree about over the range; return whether they agree."""
@@ -263,6 +273,20 @@ class JointSweep(JointsTest):
             current=(currents, "A"),
             speed=(own.speeds[:, joint], "deg/s"),
         )
+
+    def _judge_viscous_friction(
+        self, name: str, joint: int, own: _States, moves: Sequence[tuple[float, float]]
+    ) -> None:
+        """Judge the torque of friction at the greatest speed by the motor's current, of a joint with one of its own."""
+        if self.transmission.sharing(joint) != {joint}:
+            return
+        shares = 100.0 * np.sign(self.transmission.factors[joint]) * own.currents[:, joint] / self.motors[joint].peak
+        found = friction_profile(own.local, own.joints[:, joint], shares, moves)
+        if found is not None:
+            fastest = float(np.quantile(np.abs(np.gradient(found.positions, found.time)), _FASTEST))
+            more, speed = found.viscous * fastest, self.shown(fastest, ".0f")
+            hint = f"{name} needs {more:.0f} % of its torque more at {speed}/s than slowly; {likely_causes('viscous')}"
+            self.measure("viscous friction", more, "%", high=self.viscous, hint=hint)
 
     def _judge_spikes(self, name: str, whose: str, spikes: Spikes) -> None:
         hint = (

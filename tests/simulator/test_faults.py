@@ -193,7 +193,7 @@ def health(bench: Bench) -> dict[str, object]:
     names += ["minimum", "maximum", "limit_slack", "pids", "max_current"]
     found = numbers_of(boards, names) | numbers_of(boards.controllers, _CONTROLLERS)
     engine = bench.simulation.plant.model
-    found["friction"] = engine.dof_frictionloss.tobytes()
+    found["friction"] = [engine.dof_frictionloss.tobytes(), engine.dof_damping.tobytes()]
     found["motors"] = [list(boards.motors.faults), boards.motors.short_circuits.tobytes()]
     found["gears"] = [list(boards.motors.gears.faults), engine.dof_armature.tobytes()]
     found["pushed"] = bench.simulation.data.qfrc_applied.tobytes()
@@ -244,6 +244,20 @@ def rubs(bench: Bench) -> None:
         one.move(80.0, 0.2)
     more = (bench.boards.output - healthy.boards.output)[ELBOW] * bench.boards.newton_metres[ELBOW]
     assert 3.0 < more < 7.0
+
+
+def rubs_with_its_speed(bench: Bench) -> None:
+    """In the middle of a move it takes as much more as its peak speed explains, of 10 Nm at 100 deg/s."""
+    healthy = Bench()
+    for speed in (20.0, 60.0):
+        for one in (healthy, bench):
+            one.boards.speeds[ELBOW] = speed
+            one.boards.move(HERE, np.array([80.0 if speed < 30.0 else 45.0]))
+            one.run(0.5 * 35.0 / speed)
+        more = (bench.boards.output - healthy.boards.output)[ELBOW] * bench.boards.newton_metres[ELBOW]
+        assert more == pytest.approx(0.1 * bench.boards.velocity[ELBOW], rel=0.25)
+        for one in (healthy, bench):
+            one.run(35.0 / speed)
 
 
 def sticks_in_a_place(bench: Bench) -> None:
@@ -990,6 +1004,7 @@ def has_old_stamps(bench: Bench) -> None:
 SHOWS: dict[str, Callable[[Bench], None]] = {
     "jam": held_jam,
     "friction": rubs,
+    "viscous_friction": rubs_with_its_speed,
     "push": is_pushed,
     "sticky_place": sticks_in_a_place,
     "jam_at_times": jams_at_times,

@@ -79,6 +79,7 @@ _CAUSES: dict[str, tuple[str, ...]] = {
         "a ball out of reach",
     ),
     "camera dark": ("a cap on the lens", "an exposure of zero", "a dead sensor"),
+    "viscous": ("grease that is old, cold or of another kind", "a bearing or a seal that drags"),
     "lost mode": (
         "a limit of its board that was passed: current, temperature, following error",
         "an emergency button",

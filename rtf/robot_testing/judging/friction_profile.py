@@ -40,7 +40,7 @@ _ACCELERATION = 0.15
 #: What a place needs more is certain to this number of standard errors.
 _SURELY = 4.0
 _FEWEST = 20
-_DIRECTION = 3  # the column of the model whose coefficient is the dry friction
+_DIRECTION, _SPEED = 3, 4  # the columns of the model whose coefficients are the dry and the viscous friction
 
 
 class Effort(NamedTuple):
@@ -53,10 +53,13 @@ class Effort(NamedTuple):
 class FrictionProfile(NamedTuple):
     """Dry friction, and the places of additional friction and of a block, in per cent of duty cycle.
 
-    ``duties`` and ``model`` are those of the states ``time`` (s) and ``positions`` (deg), at equal intervals.
+    ``viscous`` is proportional to the speed, per cent a deg/s: of duty cycles most of it drives the motor against the
+    voltage that it induces, of currents all of it is friction. ``duties`` and ``model`` are those of the states
+    ``time`` (s) and ``positions`` (deg), at equal intervals.
     """
 
     friction: float
+    viscous: float
     sticky: Effort
     blocked: Effort
     time: FloatArray
@@ -95,7 +98,14 @@ def friction_profile(
     about = np.lib.stride_tricks.sliding_window_view(np.pad(both, _BESIDE), 2 * _BESIDE + 1).max(axis=-1)
     once = np.maximum(rows.max(axis=0) - about, 0.0)
     return FrictionProfile(
-        float(values[_DIRECTION]), _greatest(both, middle), _greatest(once, middle), grid, q, u, model
+        float(values[_DIRECTION]),
+        float(values[_SPEED]),
+        _greatest(both, middle),
+        _greatest(once, middle),
+        grid,
+        q,
+        u,
+        model,
     )
 
 

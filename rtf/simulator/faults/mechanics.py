@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     from rtf.simulator.motors import Windings
 
 
+#: The speed at which viscous friction is told, deg/s.
+_KNOWN_AT = 100.0
+
+
 class AddedFriction(AxisFault):
     """A fault that adds dry friction at the hinges of a joint: by default ``torque``, all the time."""
 
@@ -61,6 +65,28 @@ class Friction(AddedFriction):
     description = "The joint has too much dry friction."
     symptom = "It needs more output to move, and it stops short of its target."
     parameters = (Parameter("torque", 5.0, "Nm", "added to the friction", 0.0, 1e5),)
+
+
+class ViscousFriction(AxisFault):
+    """Additional viscous friction of a joint."""
+
+    kind = "viscous_friction"
+    layer = Layer.PLANT
+    restores = True
+    description = (
+        "The joint has too much friction that grows with its speed: its grease is old, cold or of another kind."
+    )
+    symptom = "It needs more current and more output the faster it moves, and reaches its speed late."
+    parameters = (Parameter("torque", 10.0, "Nm", "added to the friction at 100 deg/s", 0.0, 1e5),)
+    torque: float
+
+    def begin(self) -> None:
+        dofs, damping = self.simulation.plant.dofs[self.axis], self.simulation.plant.model.dof_damping
+        self._before = damping[dofs].copy()
+        damping[dofs] += self.torque / math.radians(_KNOWN_AT)
+
+    def end(self) -> None:
+        self.simulation.plant.model.dof_damping[self.simulation.plant.dofs[self.axis]] = self._before
 
 
 class Push(AxisFault):
@@ -154,4 +180,4 @@ class MotorOvercurrent(AxisFault):
         self.boards.motors.short_circuits[self.axis] -= self.current
 
 
-KINDS = (Jam, Friction, Push, MotorDead, MotorWeak, MotorSign, MotorOvercurrent)
+KINDS = (Jam, Friction, ViscousFriction, Push, MotorDead, MotorWeak, MotorSign, MotorOvercurrent)

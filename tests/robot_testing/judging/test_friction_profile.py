@@ -34,6 +34,7 @@ def test_a_healthy_joint_has_its_dry_friction_and_no_place():
     """Weight, inertia and viscous friction are taken for what they are."""
     found = friction_profile(*moved())
     assert found.friction == pytest.approx(DRY, abs=0.1)
+    assert found.viscous == pytest.approx(VISCOUS, abs=0.002)
     assert found.sticky.more < 0.3
     assert found.blocked.more < 0.3
 
