@@ -12,7 +12,7 @@ from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.joints_test import JointsTest
 from rtf.robot_testing.judging.encoder_errors import Spikes, errors_of, spikes_of
 from rtf.robot_testing.judging.friction_profile import friction_profile
-from rtf.robot_testing.judging.motor_model import TOLERANCE, UNEVEN, motor_model
+from rtf.robot_testing.judging.motor_model import TOLERANCE, UNEVEN, motor_model, wrong_motor
 from rtf.robot_testing.judging.statistics import jitter
 from rtf.robot_testing.judging.step_response import with_noise
 from rtf.robot_testing.motion.joint_swings import JointSwinger, Outcome, ends_of
@@ -43,6 +43,8 @@ _FEWEST = 50
 _SIGN = 1.0
 #: The share of the states that are slower than the greatest speed, which noise exceeds now and then.
 _FASTEST = 0.98
+#: What is wrong with a motor whose current is interrupted.
+_LOOSE = "loose contact"
 #: A current of less than this share of what the duty cycle drives does not follow it.
 _FOLLOWS = 0.1
 
@@ -170,12 +172,14 @@ class JointSweep(JointsTest):
         for whose, spikes in (("joint", of_joint), ("motor", of_motor)):
             self._judge_spikes(name, whose, spikes)
         agree = self._judge_encoders(name, own.time, joints, motors, near)
-        duties = self.transmission.joint_duties(own.duties, joint)
+        duties, measured = self.transmission.joint_duties(own.duties, joint), np.isfinite(own.currents[:, joint]).all()
+        if joint in self.motors and measured and self._is_interrupted(name, joint, own):
+            return
         if np.isfinite(duties).all():
             self._judge_friction(
                 name, joint, friction_profile(own.local[~near], joints[~near], duties[~near], sweep.moves)
             )
-        if agree and not near.any() and joint in self.motors and np.isfinite(own.currents[:, joint]).all():
+        if agree and not near.any() and joint in self.motors and measured:
             self._judge_motor(name, joint, own)
             self._judge_viscous_friction(name, joint, own, sweep.moves)
 
@@ -231,12 +235,22 @@ class JointSweep(JointsTest):
             model=(found.model, "%"),
         )
 
+    def _is_interrupted(self, name: str, joint: int, own: _States) -> bool:
+        """Fail a joint whose own motor has no current for moments: what it needs more then is no friction."""
+        motor = self.motors[joint]
+        columns = (own.duties[:, joint], own.currents[:, joint], own.speeds[:, joint])
+        wrong = wrong_motor(*columns, motor.drive, motor.supply) if motor.known else None
+        if wrong is None or wrong.finding != _LOOSE:
+            return False
+        return not self.check(condition=False, text=f"the motor of {name}: {wrong.text}; {likely_causes(_LOOSE)}")
+
     def _judge_motor(self, name: str, joint: int, own: _States) -> None:
         """Compare the current of the joint's own motor with its duty cycle and its speed."""
         motor, duties, currents = self.motors[joint], own.duties[:, joint], own.currents[:, joint]
         found = motor_model(duties, currents, own.speeds[:, joint], motor.drive, motor.supply)
-        explained = jitter(duties) * motor.supply / (100.0 * motor.drive.resistance)
-        noise = math.sqrt(max(0.0, jitter(currents) ** 2 - explained**2))
+        # Where the duty cycle jumps, as for a noisy encoder, the current does so, too.
+        driven = duties * motor.supply / (100.0 * motor.drive.resistance)
+        noise = min(jitter(currents), jitter(currents - driven))
         most = with_noise(self.noise / 100.0 * motor.peak, motor.drive.current_noise, max(2, len(currents)))
         hint = f"{name}: the current jumps by {noise:.2g} A from state to state; {likely_causes('noise')}"
         self.measure("noise of the current", noise, "A", high=most if motor.known else None, hint=hint)

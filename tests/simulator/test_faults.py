@@ -385,6 +385,18 @@ def resists(bench: Bench) -> None:
     assert bench.arm.duty_cycles(3).item() == pytest.approx(3.0 * healthy, rel=0.05)
 
 
+def is_interrupted(bench: Bench) -> None:
+    """For 0.05 s at a time no current flows, about twice a second; otherwise one does."""
+    flows = []
+    for _ in range(8000):
+        bench.run(0.001)
+        flows.append(bench.boards.motors.current[ELBOW] != 0.0)
+    changes = np.flatnonzero(np.diff(flows)) + 1
+    assert 5 <= len(changes) // 2 <= 30
+    lengths = np.diff(changes)[0 if flows[0] else 1 :: 2]
+    assert lengths.tolist() == pytest.approx([50] * len(lengths), abs=1)
+
+
 def drives_weakly(bench: Bench) -> None:
     """For the same current it needs twice the duty cycle upwards; downwards it does not."""
     drive = ICUB.axis(JOINT).drive
@@ -1018,6 +1030,7 @@ SHOWS: dict[str, Callable[[Bench], None]] = {
     "current_sensor_offset": shows_more_current,
     "current_sensor_noise": shows_a_noisy_current,
     "motor_resistance": resists,
+    "motor_interrupted": is_interrupted,
     "amplifier_weak": drives_weakly,
     "encoder_drift": drifts,
     "encoder_bias": is_biased,

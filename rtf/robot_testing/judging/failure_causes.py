@@ -79,6 +79,10 @@ _CAUSES: dict[str, tuple[str, ...]] = {
         "a ball out of reach",
     ),
     "camera dark": ("a cap on the lens", "an exposure of zero", "a dead sensor"),
+    "loose contact": (
+        "a loose contact, or a broken strand, in the motor's cable",
+        "an amplifier that is off for moments",
+    ),
     "viscous": ("grease that is old, cold or of another kind", "a bearing or a seal that drags"),
     "lost mode": (
         "a limit of its board that was passed: current, temperature, following error",

@@ -32,6 +32,9 @@ _CERTAIN = 0.05
 _LEFT = 0.3
 #: Noise of a current sensor that is no current, in standard deviations.
 _OUTSIDE = 3.0
+#: States without a current that are a loose contact; the least current that they lack, as a share of that by the whole
+#: supply at rest; and the share of the currents that has to flow otherwise, or the sensor is at fault.
+_MOMENTS, _HARD, _FLOWS = 3, 0.4, 0.5
 #: What makes the error of a coefficient great that has no effect: a share of the squares, and a noise (A).
 _SINGULAR, _LEAST_NOISE = 1e-12, 1e-6
 _PER_CENT = 100.0
@@ -88,9 +91,17 @@ def wrong_motor(
     """
     noise = _OUTSIDE * (drive.current_noise + drive.current_step)
     if _size(currents) <= noise:
-        expected = duties * supply / (_PER_CENT * drive.resistance)
-        expected -= np.radians(speeds) * drive.torque_constant / drive.resistance
+        expected = _driven(duties, speeds, drive, supply)
         return WrongMotor("it has no current", "current sensor") if _size(expected) > _OUTSIDE * noise else None
+    return _wrong_model(duties, currents, speeds, drive, supply) or _interrupted(
+        duties, currents, speeds, drive, supply
+    )
+
+
+def _wrong_model(
+    duties: FloatArray, currents: FloatArray, speeds: FloatArray, drive: Drive, supply: float
+) -> WrongMotor | None:
+    """Return what is wrong with a motor by its model, if both directions of the fit say it."""
     found = motor_model(duties, currents, speeds, drive, supply)
     even = 1.0 if math.isnan(found.uneven) else np.where(duties > 0.0, found.upwards, found.downwards) / found.gain
     gain, constant = _backwards(even * duties, currents, speeds, drive, supply)
@@ -104,6 +115,31 @@ def wrong_motor(
     if abs(found.constant - 1.0) > TOLERANCE and abs(found.constant - constant) <= TOLERANCE:
         return WrongMotor(f"its torque constant is {found.constant:.0%} of that in robot.toml", "weak magnets")
     return None
+
+
+def _interrupted(
+    duties: FloatArray, currents: FloatArray, speeds: FloatArray, drive: Drive, supply: float
+) -> WrongMotor | None:
+    """Return that a motor has no current for moments although its duty cycle drives one, as it does otherwise.
+
+    One or two states are none: a duty cycle that is shown a state before its current looks like that where it changes.
+    """
+    noise = _OUTSIDE * (drive.current_noise + drive.current_step)
+    driven = _driven(duties, speeds, drive, supply)
+    off = (np.abs(currents) <= noise) & (np.abs(driven) > max(_OUTSIDE * noise, _HARD * supply / drive.resistance))
+    rest = ~off & (np.abs(driven) > noise)
+    if off.sum() < _MOMENTS or not rest.any() or not np.median(currents[rest] / driven[rest]) > _FLOWS:
+        return None
+    return WrongMotor(
+        f"it has no current in {off.sum()} of {len(off)} states, and a duty cycle for one", "loose contact"
+    )
+
+
+def _driven(duties: FloatArray, speeds: FloatArray, drive: Drive, supply: float) -> FloatArray:
+    """Return the currents that duty cycles drive (A)."""
+    volts = duties * supply / _PER_CENT - np.radians(speeds) * drive.torque_constant
+    driven: FloatArray = volts / drive.resistance
+    return driven
 
 
 def _backwards(

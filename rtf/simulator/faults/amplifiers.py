@@ -119,6 +119,43 @@ class MotorResistance(MotorFault):
         windings.conductances[self.axis] /= self.factor
 
 
+class MotorInterrupted(MotorFault):
+    """Motor whose circuit is open for moments."""
+
+    kind = "motor_interrupted"
+    description = "The circuit of the motor is open for moments: a loose contact, or a cable that is broken inside."
+    symptom = "For moments the motor has no current, at any duty cycle, and the joint sags or jerks."
+    parameters = (
+        Parameter("length", 0.05, "s", "of an interruption", 0.0, 60.0),
+        Parameter("rate", 2.0, "1/s", "mean number of interruptions while the circuit is closed", 1e-3, 1e3),
+    )
+    length: float
+    rate: float
+
+    def begin(self) -> None:
+        self._random = np.random.default_rng([self.simulation.seed, self.axis])
+        self._open, self._next = False, self._after(self.simulation.now)
+        self.boards.each_step.append(self._update)
+        super().begin()
+
+    def end(self) -> None:
+        self.boards.each_step.remove(self._update)
+        super().end()
+
+    def _after(self, time: float) -> float:
+        return time + float(self._random.exponential(1.0 / self.rate))
+
+    def _update(self, now: float) -> None:
+        if now >= self._next:
+            self._open = not self._open
+            self._next = now + self.length if self._open else self._after(now)
+            self.boards.motors.refresh()
+
+    def change(self, windings: Windings) -> None:
+        if self._open:
+            windings.conductances[self.axis] = 0.0
+
+
 class AmplifierWeak(MotorFault):
     """Amplifier that is weak in one direction."""
 
@@ -149,5 +186,6 @@ KINDS = (
     CurrentSensorOffset,
     CurrentSensorNoise,
     MotorResistance,
+    MotorInterrupted,
     AmplifierWeak,
 )

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rtf.robot.model.drives import Drive
-from rtf.robot_testing.judging.motor_model import MotorModel, motor_model, wrong_motor
+from rtf.robot_testing.judging.motor_model import MotorModel, WrongMotor, motor_model, wrong_motor
 
 SUPPLY, RESISTANCE, CONSTANT = 24.0, 3.0, 0.03
 DRIVE = Drive("current", SUPPLY, RESISTANCE, CONSTANT, 0.01, 0.001, assumed=False, turns=100.0)
@@ -145,3 +145,17 @@ def test_what_a_motor_does_not_do_as_its_drive_says_is_described():
     assert wrong(np.where(duties > 0.0, 2.0 * duties, duties), currents, speeds).startswith("a positive duty cycle")
     assert wrong(duties - 0.7 * induced, currents, speeds) == "its torque constant is 30% of that in robot.toml"
     assert wrong(duties - 2.0 * induced, currents, speeds) == "its torque constant is -100% of that in robot.toml"
+
+
+def test_a_current_that_is_interrupted_is_a_loose_contact():
+    """Three states are; one or two may be of a duty cycle that is shown before its current."""
+    duties, currents, speeds = states()
+    hard = np.flatnonzero(np.abs(duties) > 15.0)
+    for count, found in ((0, False), (2, False), (3, True), (20, True)):
+        open_circuit = currents.copy()
+        open_circuit[hard[:count]] = 0.0
+        duties_then = duties.copy()
+        duties_then[hard[:count]] = np.sign(duties[hard[:count]]) * 100.0
+        wrong = wrong_motor(duties_then, open_circuit, speeds, DRIVE, SUPPLY)
+        text = f"it has no current in {count} of 600 states, and a duty cycle for one"
+        assert wrong == (WrongMotor(text, "loose contact") if found else None)
