@@ -129,6 +129,8 @@ class JointSweep(JointsTest):
             run_queues(part, part.queues(self.chosen), self._routine, pace=PACE)
         self.assert_error_if_false(len(trace), f"{part.name}: the board publishes no states")
         states = _States.of(trace, self.transmission)
+        broken = {joint: self._broken(joint, self._sweeps[joint], states) for joint in self.chosen}
+        self._disturbers = {joint: text for joint, text in broken.items() if text}
         for joint in self.chosen:
             with self.subresult(part.names[joint]):
                 self._judge(joint, self._sweeps[joint], states)
@@ -154,6 +156,17 @@ class JointSweep(JointsTest):
         self._sweeps[joint] = _Sweep(outcome, tuple(moves))
         self.progress(0.9 * len(self._sweeps) / len(self.chosen), self.robot_part.names[joint])
 
+    def _broken(self, joint: int, sweep: _Sweep, states: _States) -> str:
+        """Return what the sensors of a joint say against it; "" if nothing. It disturbs those that share its motors."""
+        name, own = self.robot_part.names[joint], states.between(sweep.moves[0][0], sweep.moves[-1][1])
+        joints, motors = own.joints[:, joint], own.motors[:, joint]
+        if len(joints) < _FEWEST or not np.isfinite(joints).all() or not np.isfinite(motors).all():
+            return ""
+        *_, near = spikes_of(joints, motors, self.spike)
+        if errors_of(own.time, joints, motors, near).error > self.error:
+            return f"joint and motor encoder of {name} disagree"
+        return self._interruption(name, joint, own)
+
     def _judge(self, joint: int, sweep: _Sweep, states: _States) -> None:
         name, outcome = self.robot_part.names[joint], sweep.outcome
         verdict = self.swinger.verdict(joint, outcome)
@@ -172,14 +185,15 @@ class JointSweep(JointsTest):
         for whose, spikes in (("joint", of_joint), ("motor", of_motor)):
             self._judge_spikes(name, whose, spikes)
         agree = self._judge_encoders(name, own.time, joints, motors, near)
-        duties, measured = self.transmission.joint_duties(own.duties, joint), np.isfinite(own.currents[:, joint]).all()
-        if joint in self.motors and measured and self._is_interrupted(name, joint, own):
-            return
+        text = self._interruption(name, joint, own)
+        if not self.check_fail_if_true(text, f"{text}; {likely_causes(_LOOSE)}"):
+            return  # what it needs more then is no friction
+        duties = self.transmission.joint_duties(own.duties, joint)
         if np.isfinite(duties).all():
             self._judge_friction(
                 name, joint, friction_profile(own.local[~near], joints[~near], duties[~near], sweep.moves)
             )
-        if agree and not near.any() and joint in self.motors and measured:
+        if agree and not near.any() and joint in self.motors and np.isfinite(own.currents[:, joint]).all():
             self._judge_motor(name, joint, own)
             self._judge_viscous_friction(name, joint, own, sweep.moves)
 
@@ -208,13 +222,18 @@ class JointSweep(JointsTest):
         )
         return found.error <= self.error
 
+    def _disturbance(self, joint: int) -> str:
+        """Return what is wrong with a joint that shares motors with one, and so disturbs it; "" if nothing is."""
+        sharing = self.transmission.sharing(joint) - {joint}
+        return next((f"it shares motors: {self._disturbers[one]}" for one in sharing if one in self._disturbers), "")
+
     def _judge_friction(self, name: str, joint: int, found: FrictionProfile | None) -> None:
         if found is None:
             return
         self.measure("dry friction", found.friction, "%")
         most = max(found.sticky.more, found.blocked.more)
-        if most > self.friction and (limp := limpness(self.robot_part, joint)):  # its load changed while they swung
-            self.inconclusive(f"{name} needed {most:.1f} % of duty cycle more in one place; but {limp}")
+        if most > self.friction and (excuse := limpness(self.robot_part, joint) or self._disturbance(joint)):
+            self.inconclusive(f"{name} needed {most:.1f} % of duty cycle more in one place; but {excuse}")
         more, where = found.sticky.more, self.shown(found.sticky.position, ".0f")
         hint = (
             f"{name} needs {more:.1f} % of duty cycle more at {where} than elsewhere, in both directions; "
@@ -235,14 +254,14 @@ class JointSweep(JointsTest):
             model=(found.model, "%"),
         )
 
-    def _is_interrupted(self, name: str, joint: int, own: _States) -> bool:
-        """Fail a joint whose own motor has no current for moments: what it needs more then is no friction."""
-        motor = self.motors[joint]
+    def _interruption(self, name: str, joint: int, own: _States) -> str:
+        """Return that the own motor of a joint has no current for moments; "" if it has, or is not known."""
+        motor = self.motors.get(joint)
         columns = (own.duties[:, joint], own.currents[:, joint], own.speeds[:, joint])
-        wrong = wrong_motor(*columns, motor.drive, motor.supply) if motor.known else None
-        if wrong is None or wrong.finding != _LOOSE:
-            return False
-        return not self.check(condition=False, text=f"the motor of {name}: {wrong.text}; {likely_causes(_LOOSE)}")
+        if motor is None or not motor.known or not all(np.isfinite(column).all() for column in columns):
+            return ""
+        wrong = wrong_motor(*columns, motor.drive, motor.supply)
+        return f"the motor of {name}: {wrong.text}" if wrong is not None and wrong.finding == _LOOSE else ""
 
     def _judge_motor(self, name: str, joint: int, own: _States) -> None:
         """Compare the current of the joint's own motor with its duty cycle and its speed."""
