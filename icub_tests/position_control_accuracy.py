@@ -65,19 +65,21 @@ class PositionControlAccuracy(StepTest):
         self.assert_error_if_true(fixed, f"no room for a step: the limits of {', '.join(fixed)} leave no range")
         self._give_gains()
         board = self.robot_part.board
-        pids = {joint: board.pid(PidType.POSITION, joint) for joint in self.chosen}
-        self.hidden = {joint: self._hidden(pid, joint) for joint, pid in pids.items()}
-        self.stuck = {joint: self._stuck(pid, joint) for joint, pid in pids.items()}
+        self.pids = {joint: board.pid(PidType.POSITION, joint) for joint in self.chosen}
+        self.hidden = {joint: self._hidden(pid, joint) for joint, pid in self.pids.items()}
 
-    def _stuck(self, pid: Pid, joint: int) -> float:
-        """Return for how long (s) friction holds a joint before the last tenth of a step, until the integral has grown.
+    def _stuck(self, joint: int, left: float, most: float) -> float:
+        """Return for how long (s, ``most`` at most) friction keeps a joint from being ``left`` (deg) from its target.
 
-        The proportional part lacks a share of the friction there; at most the rise time is allowed once more.
+        A joint that came home from the other side is held there by an integral of the opposite sign: it stands until
+        the error is twice that of the friction. From there it follows the integral, and the error falls as
+        ``exp(-ki / kp t)``.
         """
-        reach, left = friction_reach(pid, self.friction), 0.1 * self.room(joint)
-        if reach <= left or not pid.ki:
+        pid = self.pids[joint]
+        widest = 2.0 * friction_reach(pid, self.friction)
+        if widest <= left or not pid.ki:
             return 0.0
-        return min(abs(pid.kp / pid.ki) * (1.0 - left / reach), self.rise_time)
+        return min(abs(pid.kp / pid.ki) * math.log(widest / left), most)
 
     def _hidden(self, pid: Pid, joint: int) -> float:
         """Return the standard deviation (deg) of the rest positions that friction allows a controller.
@@ -89,7 +91,12 @@ class PositionControlAccuracy(StepTest):
         return min(friction_reach(pid, self.friction) / math.sqrt(3.0), self.room(joint) / 4)
 
     def most_rise(self, joint: int) -> float:
-        return self.rise_time + self.stuck[joint]
+        """See StepTest: friction may hold the joint before the last tenth, for the rise time once more at most."""
+        return self.rise_time + self._stuck(joint, 0.1 * self.room(joint), self.rise_time)
+
+    def most_settling(self, joint: int) -> float:
+        """See StepTest: likewise before the band."""
+        return self.settling_time + self._stuck(joint, min(self.band, self.room(joint) / 4.0), self.settling_time)
 
     def most_spread(self, joint: int, cycles: list[Cycle]) -> float:
         del cycles
