@@ -299,6 +299,23 @@ def test_a_joint_that_shares_motors_with_one_without_power_is_not_judged(bench: 
     assert explained == ["", "", "it shares motors: joint1 had to be left without power"]
 
 
+@pytest.mark.parametrize("broken", [None, 0, 1, 2])
+def test_effort_is_not_judged_while_one_that_shares_motors_is_broken(
+    bench: PartBench, said: list[Event], made: Callable[..., Any], broken: int | None
+):
+    """What the sensors say against another joint disturbs those that share its motors, and no others."""
+    test, line = made("JointSweep"), np.zeros(3)
+    place = SimpleNamespace(more=12.0, position=21.0)
+    found = SimpleNamespace(
+        friction=2.0, sticky=place, blocked=place, time=line, positions=line, duties=line, model=line
+    )
+    test.transmission = SimpleNamespace(sharing=lambda joint: {joint, 1})
+    test._disturbers = {} if broken is None else {broken: "joint and motor encoder of a joint disagree"}
+    with test.subresult("joint0"):
+        test._judge_friction("joint0", 0, found)
+    assert verdicts(said) == {"joint0": Verdict.INCONCLUSIVE if broken == 1 else Verdict.FAILED}
+
+
 @pytest.mark.parametrize("limp", [None, 0, 1])
 def test_effort_is_not_judged_while_another_joint_hangs_limp(
     bench: PartBench, said: list[Event], made: Callable[..., Any], limp: int | None
@@ -309,6 +326,7 @@ def test_effort_is_not_judged_while_another_joint_hangs_limp(
     found = SimpleNamespace(
         friction=2.0, sticky=place, blocked=place, time=line, positions=line, duties=line, model=line
     )
+    test.transmission, test._disturbers = SimpleNamespace(sharing=lambda joint: {joint}), {}
     if limp is not None:
         bench.guard.exclude(limp, "it does not obey its commands")
     with test.subresult("joint0"):

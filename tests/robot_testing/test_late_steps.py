@@ -230,8 +230,8 @@ def test_steps_of_one_direction_are_compared_with_each_other(judging):
 
 @pytest.mark.parametrize(("held", "most"), [(0.5, 0.2), (6.0, 0.6), (-6.0, 0.6)])
 def test_before_a_torque_step_the_tolerance_of_the_torque_constant_is_allowed(held, most):
-    """A tenth of the torque that holds the joint, or the parameter if that is more."""
-    test = kept_test("TorqueControlAccuracy")
+    """A tenth of what the motors of the joint carry, or the parameter if that is more."""
+    test = kept_test("TorqueControlAccuracy", _carried={0: abs(held)})
     test.robot_part = SimpleNamespace(names=["a joint that no model has"])
     step = cycle(0.0)
     step = step._replace(measured=held + 0.3 + 0.5 * step.measured, start=held, target=held + 0.5)
