@@ -137,8 +137,13 @@ def test_requests_start_and_stop(client: Client):
     assert client.get("/applications/0/output?module=sleep600").json == []
     assert client.post("stop", {}).status == 202
     eventually(lambda: state() == "stopped", "it is not stopped")
-    happened = client.get("/applications/0/status").json["happened"]
-    assert client.get(f"/applications/0/status?after={happened[-1]['number']}").json["happened"] == []
+
+    def happened(after: str = "") -> list[dict[str, object]]:
+        found: list[dict[str, object]] = client.get(f"/applications/0/status{after}").json["happened"]
+        return found
+
+    eventually(lambda: happened()[-1]["kind"] == "stopped", "its end is not among what happened")  # after the state
+    assert happened(f"?after={happened()[-1]['number']}") == []
 
 
 @pytest.mark.parametrize("word", ["run", "stop", "kill", "connect", "disconnect", "check", "save", "rate"])
