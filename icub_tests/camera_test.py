@@ -25,6 +25,8 @@ from rtf.testing.measurement import MeasurementVerdict
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from numpy.typing import NDArray
+
     from rtf.middleware.types import Image
     from rtf.robot_testing.streams.message import Message
 
@@ -177,20 +179,18 @@ class CameraTest(RateTest):
         self.judge(found, self.frequency, self.tolerance / self.time)
         seen = [message.content for message in found if isinstance(message.content, _Seen)]
         self._judge_size(name, seen)
-        self._attach(name)
+        picture = self._picture(name)
+        if picture is not None:
+            self._attach(name, picture)
         least = min(one.spread for one in seen) / 2.55
         hint = f"pictures of {name} show nothing: all pixels are alike; {likely_causes('camera dark')}"
         contrast = self.measure("contrast", least, "%", low=self.contrast, hint=hint)
-        self._judge_noise(name)
+        if picture is not None:
+            self._judge_noise(name, picture)
         if contrast.verdict is not MeasurementVerdict.FAILED:
             self._judge_content(name, found if turned is None else turned)
 
-    def _judge_noise(self, name: str) -> None:
-        try:
-            picture = self._last[name].to("rgb").pixels
-        except RtfError as error:
-            self.report(f"the noise of {name} is not judged: {error}")
-            return
+    def _judge_noise(self, name: str, picture: NDArray[np.uint8]) -> None:
         hint = f"pictures of {name} are noisy; {likely_causes('camera noise')}"
         self.measure("noise", picture_noise(picture) / 2.55, "%", high=self.noise, hint=hint)
 
@@ -230,12 +230,15 @@ class CameraTest(RateTest):
         most = self.max_run or None
         self.measure("same picture in a row", _longest_run(found), "count", high=most, hint=hint)
 
-    def _attach(self, name: str) -> None:
+    def _picture(self, name: str) -> NDArray[np.uint8] | None:
+        """Return the last picture in colours; None, with a report, if its format has none that can be shown."""
         try:
-            picture = self._last[name].to("rgb").pixels
+            return self._last[name].to("rgb").pixels
         except RtfError as error:
-            self.report(f"the pixels of {name} cannot be shown: {error}")
-            return
+            self.report(f"the pixels of {name} cannot be shown, and their noise is not judged: {error}")
+            return None
+
+    def _attach(self, name: str, picture: NDArray[np.uint8]) -> None:
         self.attach(png(np.ascontiguousarray(picture)), f"{name.strip('/').replace('/', '-')}.png", "image/png")
 
 

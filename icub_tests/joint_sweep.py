@@ -129,8 +129,7 @@ class JointSweep(JointsTest):
             run_queues(part, part.queues(self.chosen), self._routine, pace=PACE)
         self.assert_error_if_false(len(trace), f"{part.name}: the board publishes no states")
         states = _States.of(trace, self.transmission)
-        broken = {joint: self._broken(joint, self._sweeps[joint], states) for joint in self.chosen}
-        self._disturbers = {joint: text for joint, text in broken.items() if text}
+        self._states = states
         for joint in self.chosen:
             with self.subresult(part.names[joint]):
                 self._judge(joint, self._sweeps[joint], states)
@@ -156,9 +155,10 @@ class JointSweep(JointsTest):
         self._sweeps[joint] = _Sweep(outcome, tuple(moves))
         self.progress(0.9 * len(self._sweeps) / len(self.chosen), self.robot_part.names[joint])
 
-    def _broken(self, joint: int, sweep: _Sweep, states: _States) -> str:
+    def _broken(self, joint: int) -> str:
         """Return what the sensors of a joint say against it; "" if nothing. It disturbs those that share its motors."""
-        name, own = self.robot_part.names[joint], states.between(sweep.moves[0][0], sweep.moves[-1][1])
+        name, moves = self.robot_part.names[joint], self._sweeps[joint].moves
+        own = self._states.between(moves[0][0], moves[-1][1])
         joints, motors = own.joints[:, joint], own.motors[:, joint]
         if len(joints) < _FEWEST or not np.isfinite(joints).all() or not np.isfinite(motors).all():
             return ""
@@ -224,8 +224,8 @@ class JointSweep(JointsTest):
 
     def _disturbance(self, joint: int) -> str:
         """Return what is wrong with a joint that shares motors with one, and so disturbs it; "" if nothing is."""
-        sharing = self.transmission.sharing(joint) - {joint}
-        return next((f"it shares motors: {self._disturbers[one]}" for one in sharing if one in self._disturbers), "")
+        sharing = (self.transmission.sharing(joint) - {joint}) & self._sweeps.keys()
+        return next((f"it shares motors: {text}" for one in sharing if (text := self._broken(one))), "")
 
     def _judge_friction(self, name: str, joint: int, found: FrictionProfile | None) -> None:
         if found is None:

@@ -299,20 +299,25 @@ def test_a_joint_that_shares_motors_with_one_without_power_is_not_judged(bench: 
     assert explained == ["", "", "it shares motors: joint1 had to be left without power"]
 
 
+def hard_to_move() -> SimpleNamespace:
+    """The friction of a joint that needs 12 % of duty cycle more in one place."""
+    place, line = SimpleNamespace(more=12.0, position=21.0), np.zeros(3)
+    return SimpleNamespace(
+        friction=2.0, sticky=place, blocked=place, time=line, positions=line, duties=line, model=line
+    )
+
+
 @pytest.mark.parametrize("broken", [None, 0, 1, 2])
 def test_effort_is_not_judged_while_one_that_shares_motors_is_broken(
     bench: PartBench, said: list[Event], made: Callable[..., Any], broken: int | None
 ):
     """What the sensors say against another joint disturbs those that share its motors, and no others."""
-    test, line = made("JointSweep"), np.zeros(3)
-    place = SimpleNamespace(more=12.0, position=21.0)
-    found = SimpleNamespace(
-        friction=2.0, sticky=place, blocked=place, time=line, positions=line, duties=line, model=line
-    )
+    test = made("JointSweep")
     test.transmission = SimpleNamespace(sharing=lambda joint: {joint, 1})
-    test._disturbers = {} if broken is None else {broken: "joint and motor encoder of a joint disagree"}
+    test._sweeps = {0: None, 1: None, 2: None}
+    test._broken = {broken: "joint and motor encoder of a joint disagree"}.get
     with test.subresult("joint0"):
-        test._judge_friction("joint0", 0, found)
+        test._judge_friction("joint0", 0, hard_to_move())
     assert verdicts(said) == {"joint0": Verdict.INCONCLUSIVE if broken == 1 else Verdict.FAILED}
 
 
@@ -321,16 +326,12 @@ def test_effort_is_not_judged_while_another_joint_hangs_limp(
     bench: PartBench, said: list[Event], made: Callable[..., Any], limp: int | None
 ):
     """A limp joint changes the load of those that it carries, or that carry it; it is no excuse for itself."""
-    test, line = made("JointSweep"), np.zeros(3)
-    place = SimpleNamespace(more=12.0, position=21.0)
-    found = SimpleNamespace(
-        friction=2.0, sticky=place, blocked=place, time=line, positions=line, duties=line, model=line
-    )
-    test.transmission, test._disturbers = SimpleNamespace(sharing=lambda joint: {joint}), {}
+    test = made("JointSweep")
+    test.transmission, test._sweeps = SimpleNamespace(sharing=lambda joint: {joint}), {}
     if limp is not None:
         bench.guard.exclude(limp, "it does not obey its commands")
     with test.subresult("joint0"):
-        test._judge_friction("joint0", 0, found)
+        test._judge_friction("joint0", 0, hard_to_move())
     assert verdicts(said) == {"joint0": Verdict.INCONCLUSIVE if limp == 1 else Verdict.FAILED}
 
 

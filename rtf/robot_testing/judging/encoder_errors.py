@@ -27,6 +27,8 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
+from rtf.robot_testing.judging.statistics import NORMAL
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -51,7 +53,6 @@ _ASIDE = 2
 _QUANTILES = (0.01, 0.99)
 #: A cause explains an error if it leaves less than this share of what is left without it.
 _EXPLAINED = 0.5
-_CUBE_OF_MEDIAN = 1.4826  # the standard deviation of normal noise, in median absolute deviations
 
 
 class Spikes(NamedTuple):
@@ -80,7 +81,7 @@ def spikes_of(joint: FloatArray, motor: FloatArray, least: float) -> tuple[Spike
     encoder that jumps.
     """
     apart = _off_median(motor - joint)
-    usual = _CUBE_OF_MEDIAN * float(np.median(np.abs(apart)))
+    usual = NORMAL * float(np.median(np.abs(apart)))
     found = np.abs(apart) > max(least, _OUTSTANDING * usual)
     of_joint = found & (np.abs(_off_median(joint)) > np.abs(_off_median(motor)))
     near = np.convolve(found, np.ones(2 * _BESIDE + 1), mode="same") > 0

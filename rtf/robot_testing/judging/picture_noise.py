@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rtf.robot_testing.judging.statistics import NORMAL
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 #: What the mask makes of the standard deviation of white noise: its weights are (1, -2, 1) in each direction.
 _WHITE = 6.0
-#: The standard deviation of a normal distribution, by its median deviation.
-_NORMAL = 1.4826
 
 
 def picture_noise(picture: NDArray[np.uint8]) -> float:
@@ -27,4 +27,4 @@ def picture_noise(picture: NDArray[np.uint8]) -> float:
     left = picture.astype(np.float64)
     left = left[:-2] - 2.0 * left[1:-1] + left[2:]
     left = left[:, :-2] - 2.0 * left[:, 1:-1] + left[:, 2:]
-    return float(np.median(np.abs(left), axis=(0, 1)).max()) * _NORMAL / _WHITE
+    return float(np.median(np.abs(left), axis=(0, 1)).max()) * NORMAL / _WHITE

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from rtf.robot_testing.judging.statistics import NORMAL
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -14,7 +16,6 @@ if TYPE_CHECKING:
 
 #: States farther from the model than this number of standard deviations do not belong; rounds of leaving them out.
 _OUTLYING, _ROUNDS = 4.0, 4
-_NORMAL = 1.4826  # the standard deviation of normal noise, in median absolute deviations
 
 
 class RobustFit(NamedTuple):
@@ -32,6 +33,6 @@ def robust_fit(columns: FloatArray, values: FloatArray) -> RobustFit:
     for _ in range(_ROUNDS):
         found = np.linalg.lstsq(columns[inside], values[inside], rcond=None)[0].astype(np.float64)
         away = np.abs(values - columns @ found)
-        noise = _NORMAL * float(np.median(away))
+        noise = NORMAL * float(np.median(away))
         inside = away <= max(_OUTLYING * noise, 1e-9)
     return RobustFit(found, noise, inside)

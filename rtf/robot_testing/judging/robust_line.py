@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from rtf.robot_testing.judging.statistics import NORMAL
+
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
@@ -21,8 +23,8 @@ if TYPE_CHECKING:
 #: The first estimate is the median slope between pairs of points (Theil and Sen), of so many points at most.
 _POINTS = 300
 #: Outliers are farther from the line than this number of standard deviations, which are estimated from the median
-#: deviation: for a normal distribution the standard deviation is 1.4826 times that.
-_OUTLYING, _NORMAL = 4.0, 1.4826
+#: deviation.
+_OUTLYING = 4.0
 #: Least deviation that makes an outlier, as a share of the spread: points without noise lie on the line exactly.
 _EXACT = 1e-3
 _ROUNDS = 3
@@ -71,7 +73,7 @@ def _inliers(x: FloatArray, y: FloatArray) -> NDArray[np.bool_]:
     for _ in range(_ROUNDS):
         away = y - slope * x
         away = np.abs(away - np.median(away[inside]))
-        near = away <= max(least, _OUTLYING * _NORMAL * float(np.median(away)))
+        near = away <= max(least, _OUTLYING * NORMAL * float(np.median(away)))
         if not np.ptp(x[near]) > 0:
             break
         inside, slope = near, _slope(x[near], y[near])

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 #: The standard deviation of a normal distribution, by its median deviation.
-_NORMAL = 1.4826
+NORMAL = 1.4826
 #: The default confidence level.
 CONFIDENCE = 0.99
 
@@ -143,7 +143,7 @@ def surely_beyond(values: ArrayLike, share: float, level: float = CONFIDENCE) ->
 def jitter(values: FloatArray) -> float:
     """Return the noise of values from state to state (standard deviation), by the median of their differences."""
     steps = np.diff(values)
-    return float(np.median(np.abs(steps - np.median(steps)))) * _NORMAL / math.sqrt(2.0) if len(steps) else 0.0
+    return float(np.median(np.abs(steps - np.median(steps)))) * NORMAL / math.sqrt(2.0) if len(steps) else 0.0
 
 
 def student(level: float, freedom: int) -> float:

@@ -9,8 +9,6 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from rtf.simulator.faults.base import AxisFault, Layer, Parameter
 from rtf.simulator.faults.mechanics import MotorFault
 
@@ -98,8 +96,7 @@ class CurrentSensorNoise(_CurrentSensorFault):
     deviation: float
 
     def begin(self) -> None:
-        # With numbers of its own: how often a sensor is read must not change what other faults draw.
-        self._random = np.random.default_rng([self.simulation.seed, self.axis])
+        self._random = self.own_random(self.axis)
         super().begin()
 
     def shown(self, current: float) -> float:
@@ -133,7 +130,7 @@ class MotorInterrupted(MotorFault):
     rate: float
 
     def begin(self) -> None:
-        self._random = np.random.default_rng([self.simulation.seed, self.axis])
+        self._random = self.own_random(self.axis)
         self._open, self._next = False, self._after(self.simulation.now)
         self.boards.each_step.append(self._update)
         super().begin()

@@ -113,6 +113,13 @@ class Fault(ABC):
         first = cls.parameters[0]
         return float(values.get(first.name, first.default)) - (first.healthy or 0.0)
 
+    def own_random(self, *place: int) -> np.random.Generator:
+        """Return random numbers of this fault alone, for a ``place`` of the robot.
+
+        How often a sensor is read, or a picture made, must not change what other faults draw.
+        """
+        return np.random.default_rng([self.simulation.seed, *place])
+
     @abstractmethod
     def aim(self) -> None:
         """Find the target. Raises RefusedError if the robot does not have it."""

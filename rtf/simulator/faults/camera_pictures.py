@@ -25,8 +25,7 @@ class CameraNoise(CameraFault):
     deviation: float
 
     def begin(self) -> None:
-        # With numbers of its own: how often pictures are made must not change what other faults draw.
-        self._random = np.random.default_rng([self.simulation.seed, *self.target.encode()])
+        self._random = self.own_random(*self.target.encode())
         super().begin()
 
     def show(self, pixels: NDArray[np.uint8], now: float) -> NDArray[np.uint8]:

@@ -77,8 +77,7 @@ class _Spikes(EncoderFault):
     length: float
 
     def begin(self) -> None:
-        # With numbers of its own: how often an encoder is read must not change what other faults draw.
-        self._random = np.random.default_rng([self.simulation.seed, self.axis])
+        self._random = self.own_random(self.axis)
         self._draw(self.simulation.now)
         super().begin()
 

@@ -77,8 +77,7 @@ class _ImuNoise(ImuFault):
     deviation: float
 
     def begin(self) -> None:
-        # With numbers of its own: how often a sensor is read must not change what other faults draw.
-        self._random = np.random.default_rng([self.simulation.seed, self.category.value])
+        self._random = self.own_random(self.category.value)
         super().begin()
 
     def show(self, name: str, category: SensorCategory, values: FloatArray, now: float) -> None:

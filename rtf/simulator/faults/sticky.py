@@ -5,8 +5,6 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from rtf.simulator.faults.base import Parameter
 from rtf.simulator.faults.mechanics import AddedFriction
 
@@ -81,7 +79,7 @@ class JamAtTimes(_Sometimes):
     length: float
 
     def begin(self) -> None:
-        self._random = np.random.default_rng([self.simulation.seed, self.axis])
+        self._random = self.own_random(self.axis)
         self._next = self._after(self.simulation.now)
         super().begin()
 
