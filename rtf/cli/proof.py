@@ -23,6 +23,7 @@ rtf proof --fast                   the healthy robot, and the faults that are fo
 rtf proof --test JointLimits       one test
 rtf proof --others                 also without a claim: every test on every fault, about an hour
 rtf proof --limits                 also smaller faults than claimed: from which size on each is found
+rtf proof --units 1-20             on robots that differ as real ones do, each claim on the next of them
 rtf proof --resume                 go on with a proof that was interrupted
 rtf proof --campaign proof.sqlite  judge the runs of suites/campaigns/proof.toml, which a cluster may have made
 rtf proof --output docs/proof.md   write the matrix there"""
@@ -41,7 +42,7 @@ def proof(words: Sequence[str]) -> ExitCode:
         print(f"rtf proof: {wrong}", file=sys.stderr)
         return ExitCode.USAGE
     if options.list:
-        print("\n".join(f"{case.expectation.value:9}  {case.name}" for case in cases))
+        print("\n".join(f"{case.expectation.value:9}  {case.name}{_on_unit(case)}" for case in cases))
         print(f"{len(cases)} cases")
         return ExitCode.PASSED
     folder = Path(options.folder).absolute()
@@ -75,6 +76,13 @@ def _parse(words: Sequence[str]) -> argparse.Namespace:
     parser.add_argument(
         "--limits", action="store_true", help="also smaller faults than a test claims to find, down to a quarter"
     )
+    parser.add_argument(
+        "--units",
+        metavar="A-B",
+        type=_units,
+        default=(),
+        help="each claim on the next one of these robots of the population, in turn (default: the nominal one)",
+    )
     parser.add_argument("--list", action="store_true", help="list the cases and run nothing")
     parser.add_argument("-j", "--jobs", metavar="N", type=count, default=os.cpu_count() or 1, help="robots at a time")
     parser.add_argument("--folder", metavar="DIR", default="rtf-runs/proof", help="where suites and results are kept")
@@ -103,10 +111,23 @@ def _judge_campaign(options: argparse.Namespace) -> ExitCode:
 
 
 def _cases(options: argparse.Namespace) -> list[Case]:
-    from rtf.robot_testing.proof import shipped_cases
+    from rtf.robot_testing.proof import on_units, shipped_cases
 
     cases = shipped_cases(options.test, fast=options.fast, others=options.others, limits=options.limits)
-    return [case for case in cases if not options.fault or case.fault in options.fault]
+    cases = [case for case in cases if not options.fault or case.fault in options.fault]
+    return on_units(cases, options.units)
+
+
+def _units(text: str) -> range:
+    first, _, last = text.partition("-")
+    numbers = range(int(first), int(last or first) + 1)
+    if not numbers:
+        raise ValueError
+    return numbers
+
+
+def _on_unit(case: Case) -> str:
+    return f" on unit {case.unit}" if case.unit else ""
 
 
 def _unknown(tests: Sequence[str]) -> str:
@@ -165,7 +186,7 @@ def _judged_cases(run: Path, by_test: dict[str, Case]) -> list[JudgedCase]:
 def _tell(judged: Sequence[JudgedCase], target: Path) -> ExitCode:
     wrong = [one for one in judged if not one.judgement.good]
     for one in wrong:
-        print(f"{one.judgement.value}: {one.case.name}: {one.sentence}")
+        print(f"{one.judgement.value}: {one.case.name}{_on_unit(one.case)}: {one.sentence}")
     print(f"The matrix is in {target}")
     if wrong:
         print(f"PROOF FAILED  {len(wrong)} of {len(judged)} claims do not hold")

@@ -1,11 +1,10 @@
 """The proof: every test is run on each fault that it claims to find, on faults that it must ignore, and without faults.
 
 ``claims`` reads the claims of tests, ``cases`` expands them to single runs, ``suites`` writes them as suites for the
-runner, ``judging`` compares the results with the claims, and ``matrix`` writes the report. Statistics over seeds and
-machines would repeat the cases with other parameters of the fixture; they belong in ``cases``.
+runner, ``judging`` compares the results with the claims, and ``matrix`` writes the report.
 """
 
-from rtf.robot_testing.proof.cases import Case, Expectation, cases_of, limits_of, others_of
+from rtf.robot_testing.proof.cases import Case, Expectation, cases_of, limits_of, on_units, others_of
 from rtf.robot_testing.proof.claims import Claims, ClaimsError, Reason, read_claims, read_reasons
 from rtf.robot_testing.proof.judging import JudgedCase, Judgement, judge
 from rtf.robot_testing.proof.matrix import write_matrix
@@ -23,6 +22,7 @@ __all__ = [
     "cases_of",
     "judge",
     "limits_of",
+    "on_units",
     "others_of",
     "read_claims",
     "read_reasons",

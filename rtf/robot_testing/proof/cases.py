@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 from rtf.robot_testing.proof.claims import robot_of
 from rtf.simulator.faults import KINDS, Layer, Target, find_kind
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from rtf.robot.model import RobotModel
     from rtf.robot_testing.proof.claims import Claim, Claims, Reason
@@ -77,6 +78,11 @@ class Case:
         return " ".join(words)
 
     @property
+    def unit(self) -> int:
+        """The robot of the population that is simulated."""
+        return int(self.simulator.get("unit", 0))
+
+    @property
     def needs_cameras(self) -> bool:
         """Whether the simulator must be started with cameras."""
         kinds = (Target.CAMERA, Target.DEPTH_CAMERA)
@@ -101,6 +107,18 @@ def cases_of(claims: Claims, *, fast: bool = False) -> Iterator[Case]:
             continue
         for values in claim.severities:
             yield _case(claims, claim, values)
+
+
+def on_units(cases: Iterable[Case], units: Sequence[int]) -> list[Case]:
+    """Return the cases, each on the next one of these robots of the population, in turn.
+
+    A robot that is started by its configuration, and all if no unit is given, is the nominal one.
+    """
+    given = zip(cases, cycle(units or (None,)), strict=False)
+    return [
+        case if unit is None or case.configuration else replace(case, simulator={**case.simulator, "unit": unit})
+        for case, unit in given
+    ]
 
 
 #: Severities below the smallest claimed one, as shares of it.

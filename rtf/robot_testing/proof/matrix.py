@@ -28,6 +28,7 @@ def write_matrix(judged: Sequence[JudgedCase]) -> str:
         "# The proof\n\n",
         "Which test finds which fault of the simulated robot. Made by `rtf proof`; each line is a run of the test in\n",
         "the ordinary runner, on a robot with that fault.\n\n",
+        _units(judged),
         f"{good} of {len(judged)} claims hold; ",
         f"{len(_found(judged))} of {len(provable_kinds())} kinds of faults are found.\n\n",
         _by_fault(judged),
@@ -37,6 +38,13 @@ def write_matrix(judged: Sequence[JudgedCase]) -> str:
         _others(others) if others else "",
     ]
     return "".join(parts)
+
+
+def _units(judged: Sequence[JudgedCase]) -> str:
+    units = sorted({one.case.unit for one in judged})
+    if units in ([], [0]):
+        return ""
+    return f"Each on one of the units {', '.join(map(str, units))} of the population.\n\n"
 
 
 def _others(judged: Sequence[JudgedCase]) -> str:
@@ -102,6 +110,7 @@ def _cases(judged: Sequence[JudgedCase]) -> str:
         case = one.case
         came = one.judgement.value if one.judgement.good else f"**{one.judgement.value}**"
         said = case.reason or one.sentence
+        came += f" on unit {case.unit}" if case.unit else ""
         cells = [case.test, case.fault or "none", case.target, _severity(case), came, said]
         rows.append(f"| {' | '.join(_cell(cell) for cell in cells)} |\n")
     return "".join(rows)

@@ -12,6 +12,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import escape, quoteattr
 
+from rtf.robot_testing.proof.cases import on_units
 from rtf.robot_testing.proof.claims import ClaimsError
 from rtf.testing.plugins import shipped_folder
 from rtf.testing.suite.xml import load_suite
@@ -65,10 +66,13 @@ def read_suites(folder: Path, cases: Iterable[Case]) -> dict[str, Case]:
     by_test: dict[str, Case] = {}
     for file in sorted(folder.glob(_FILES)):
         suite = load_suite(file).suite
-        for test in suite.tests if suite is not None else ():
+        if suite is None:
+            continue
+        unit = [int(value) for one in suite.fixtures for name, value in one.parameters if name == "unit"]
+        for test in suite.tests:
             if test.description not in by_name:
                 raise ClaimsError(f"{file}: no claim has the case {test.description!r}; start a new proof")
-            by_test[test.id] = by_name[test.description]
+            (by_test[test.id],) = on_units([by_name[test.description]], unit)
     return by_test
 
 

@@ -18,6 +18,7 @@ from rtf.robot_testing.proof import (
     cases_of,
     judge,
     limits_of,
+    on_units,
     read_claims,
     read_suites,
     write_matrix,
@@ -189,6 +190,20 @@ def test_the_cases_are_read_from_written_suites(tmp_path: Path):
         read_suites(tmp_path, healthy(6))
 
 
+def test_each_case_is_run_on_the_next_unit(tmp_path: Path):
+    """A case and its unit are read back from the suites; a robot that a configuration starts has none."""
+    configured = Case("Imu", Expectation.HEALTHY, configuration="icubSim")
+    cases = on_units([*healthy(9), configured], range(3, 5))
+    assert [case.unit for case in cases] == [3, 4, 3, 4, 3, 4, 3, 4, 3, 0]
+    files, by_test = write_suites(cases, tmp_path)
+    assert len(files) == 3
+    assert read_suites(tmp_path, [*healthy(9), configured]) == by_test
+    assert sorted(case.name for case in by_test.values()) == sorted(case.name for case in cases)
+    page = write_matrix([JudgedCase(case, Judgement.HEALTHY, "passed", "", 0.0) for case in cases])
+    assert "Each on one of the units 0, 3, 4 of the population." in page
+    assert page.count("healthy on unit 4") == 4
+
+
 def result(verdict: Verdict, *failures: str) -> TestResult:
     """Return the result of a test."""
     made = TestResult(TestPlanned(test="s/t", suite="s", name="t"), "t")
@@ -287,6 +302,17 @@ def test_a_part_of_the_proof_can_be_selected(tmp_path: Path):
     assert count == f"{len(cases)} cases"
     assert cases
     assert all(case.split()[:4] == ["found", "SensorsDuplicateReadings", "on", "duplicate"] for case in cases)
+
+
+def test_a_proof_on_units_says_which_case_is_of_which(tmp_path: Path):
+    """Units are given as a range; anything else is refused."""
+    proof = [sys.executable, "-m", "rtf", "proof", "--list", "--test", "SensorsDuplicateReadings", "--units"]
+    done = subprocess.run([*proof, "7-8"], capture_output=True, text=True, timeout=100, cwd=tmp_path, check=False)
+    cases = done.stdout.splitlines()[:-1]
+    assert [line.rpartition(" on ")[2] for line in cases] == [f"unit {7 + n % 2}" for n in range(len(cases))]
+    wrong = subprocess.run([*proof, "8-7"], capture_output=True, text=True, timeout=100, cwd=tmp_path, check=False)
+    assert wrong.returncode == 4
+    assert "--units: invalid" in wrong.stderr
 
 
 def test_an_empty_proof_is_refused(tmp_path: Path):
