@@ -9,6 +9,7 @@ from rtf.robot.control_modes import ControlMode
 from rtf.robot.interfaces import PidType
 from rtf.robot_testing import Safety
 from rtf.robot_testing.judging.friction_hold import friction_reach
+from rtf.robot_testing.judging.step_response import STEADY_SHARE
 from rtf.robot_testing.step_test import StepTest
 from rtf.testing import Parameter
 
@@ -68,18 +69,16 @@ class PositionControlAccuracy(StepTest):
         self.pids = {joint: board.pid(PidType.POSITION, joint) for joint in self.chosen}
         self.hidden = {joint: self._hidden(pid, joint) for joint, pid in self.pids.items()}
 
-    def _stuck(self, joint: int, left: float, most: float) -> float:
-        """Return for how long (s, ``most`` at most) friction keeps a joint from being ``left`` (deg) from its target.
+    def _turning(self, joint: int) -> tuple[float, float]:
+        """Return how fast the integral of a joint's controller turns round, and how wide friction may hold the joint.
 
-        A joint that came home from the other side is held there by an integral of the opposite sign: it stands until
-        the error is twice that of the friction. From there it follows the integral, and the error falls as
-        ``exp(-ki / kp t)``.
+        A joint that came from the other side, or went past its target, is held by an integral of the opposite sign. It
+        stands until the error is ``width``, twice that whose proportional part is the friction. From there it follows
+        the integral, and the error falls as ``width exp(-t / time)``; beyond the target it stands with an error of
+        ``width / (1 + t / time)`` until ``t``. Returned are ``time`` (s; 0 without an integral) and ``width`` (deg).
         """
         pid = self.pids[joint]
-        widest = 2.0 * friction_reach(pid, self.friction)
-        if widest <= left or not pid.ki:
-            return 0.0
-        return min(abs(pid.kp / pid.ki) * math.log(widest / left), most)
+        return (abs(pid.kp / pid.ki) if pid.ki else 0.0), 2.0 * friction_reach(pid, self.friction)
 
     def _hidden(self, pid: Pid, joint: int) -> float:
         """Return the standard deviation (deg) of the rest positions that friction allows a controller.
@@ -92,11 +91,21 @@ class PositionControlAccuracy(StepTest):
 
     def most_rise(self, joint: int) -> float:
         """See StepTest: friction may hold the joint before the last tenth, for the rise time once more at most."""
-        return self.rise_time + self._stuck(joint, 0.1 * self.room(joint), self.rise_time)
+        time, width = self._turning(joint)
+        follows = time * math.log(max(width / (0.1 * self.room(joint)), 1.0)) if time else 0.0
+        return self.rise_time + min(follows, self.rise_time)
 
     def most_settling(self, joint: int) -> float:
-        """See StepTest: likewise before the band."""
-        return self.settling_time + self._stuck(joint, min(self.band, self.room(joint) / 4.0), self.settling_time)
+        """See StepTest: likewise beyond the band, on either side."""
+        time, width = self._turning(joint)
+        stands = time * max(width / min(self.band, self.room(joint) / 4.0) - 1.0, 0.0) if time else 0.0
+        return self.settling_time + min(stands, self.settling_time)
+
+    def most_error(self, joint: int) -> float:
+        """See StepTest: likewise in the middle of the time in which it is averaged."""
+        time, width = self._turning(joint)
+        averaged = (1.0 - STEADY_SHARE / 2.0) * (self.step_duration - self.lead)
+        return max(self.steady_error, width / (1.0 + averaged / time)) if time else self.steady_error
 
     def most_spread(self, joint: int, cycles: list[Cycle]) -> float:
         del cycles

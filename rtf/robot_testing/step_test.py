@@ -370,7 +370,7 @@ class StepTest(RobotTest):
         """Return the values of some cycles of a joint, with their limits."""
         sensor = self.sensor_noise(joint)
         near, noise = _NEAREST * _lowest(cycles), max(_noise(cycles), sensor)  # few points show less than there is
-        band, off = min(self.band, near), min(self.steady_error, near) + noise
+        band, off = min(self.band, near), min(self.most_error(joint), near) + noise
         answers = [step_response(one.time, one.measured, one.start, one.target, band, noise) for one in cycles]
         late, wrong, symbol = self.late_finding, self.wrong_finding, self.symbol
         errors = [abs(one.steady_error) for one in answers]
@@ -407,6 +407,11 @@ class StepTest(RobotTest):
         """Return the greatest settling time of a joint (s)."""
         del joint
         return self.settling_time
+
+    def most_error(self, joint: int) -> float:
+        """Return the greatest steady error of a joint, without noise."""
+        del joint
+        return self.steady_error
 
     def most_spread(self, joint: int, cycles: list[Cycle]) -> float:
         """Return the greatest deviation of a joint's steps from each other, without noise."""

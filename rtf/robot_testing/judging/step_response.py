@@ -23,7 +23,7 @@ EXPLAINED = 5.0
 #: Least number of points after a step.
 FEWEST = 10
 #: Share of the time at the end that counts as steady state.
-_STEADY_SHARE = 0.25
+STEADY_SHARE = 0.25
 #: Bandwidth times rise time of a first-order system; about the same for others without oscillation.
 _BANDWIDTH = 0.35
 
@@ -68,7 +68,7 @@ def step_response(
     t, v = t[t >= 0], v[t >= 0]
     if t.size < FEWEST:
         raise ValueError(f"{t.size} points after the step are too few; {FEWEST} are needed")
-    last = max(FEWEST // 2, round(_STEADY_SHARE * t.size))
+    last = max(FEWEST // 2, round(STEADY_SHARE * t.size))
     final, height, explained = float(v[-last:].mean()), target - start, EXPLAINED * noise
     share, reached = (v - start) / height, (final - start) / height
     whole = max(_REACHED, reached)
