@@ -324,7 +324,7 @@ class RobotTest(TestCase):
         next ones, too. The first stop of a part explains later ones of other joints about which nothing more is known.
         ``findings`` are the keys of the likely causes of the joint; by default those of the guard.
         """
-        found = stop_evidence(part, error)
+        found = stop_evidence(part, error, moved=joint)
         self._note(part, joint, found)
         wrong = accused(found)
         self._first_stops = {part.name: next(iter(wrong.values())), **self._first_stops}

@@ -46,11 +46,12 @@ def stop_evidence(
     transmission: Transmission | None = None,
     *,
     late: Collection[int] = (),
+    moved: int = -1,
 ) -> list[Evidence]:
     """Return the evidence on the joints of a part after a motion that went wrong, the certain one first.
 
-    ``error`` is the guard's, if it had to stop a joint; ``late`` are joints that did not go where they should. Without
-    ``transmission`` it is read from the board.
+    ``error`` is the guard's, if it had to stop a joint; ``late`` are joints that did not go where they should, and
+    ``moved`` is the only joint that was commanded to move. Without ``transmission`` it is read from the board.
     """
     found: list[Evidence] = []
     with suppress(RobotError):  # then the encoders cannot be compared, and the guard's word counts
@@ -62,8 +63,19 @@ def stop_evidence(
             until = math.inf
         found = _by_sensors(part, until, known, suspects)
     if error is not None and error.joint >= 0:
-        found.append(Evidence.uncertain(error.joint, str(error), error.finding, excuse=error.excuse))
+        found.append(_word_of_the_guard(part, error, moved))
     return found
+
+
+def _word_of_the_guard(part: Part, error: GuardError, moved: int) -> Evidence:
+    """Return that a joint was stopped: evidence against it, or against the one that pulled it.
+
+    A joint that is only held does not press by itself; the one that moves by motors of both may.
+    """
+    joint, text = error.joint, str(error)
+    if error.finding == "blocked" and part.guard is not None and moved in part.guard.coupled_with(joint):
+        joint, text = moved, f"{part.names[moved]} moves by a motor that it shares: {text}"
+    return Evidence.uncertain(joint, text, error.finding, excuse=error.excuse)
 
 
 def _wait(part: Part, seconds: float) -> None:

@@ -97,3 +97,14 @@ def test_without_ratios_the_word_of_the_guard_counts(bench: PartBench, monkeypat
     monkeypatch.setattr(bench.board, "gearbox_ratio", refuse)
     swing(bench, {0: 0.0})
     assert [one.joints for one in stop_evidence(bench.part, STOP)] == [{1}]
+
+
+@pytest.mark.parametrize(("finding", "moved", "named"), [("blocked", 2, 2), ("blocked", 0, 1), ("runs away", 2, 1)])
+def test_a_held_joint_that_presses_is_pulled_by_the_one_that_moves(
+    bench: PartBench, finding: str, moved: int, named: int
+):
+    """If they share motors: a joint that is only held does not press by itself, but may well shake or run away."""
+    swing(bench)
+    (found,) = stop_evidence(bench.part, GuardError("joint1 draws 5 A; it was released", 1, "", finding), moved=moved)
+    assert found.joints == {named}
+    assert "joint1 draws 5 A; it was released" in found.text
