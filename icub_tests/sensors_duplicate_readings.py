@@ -29,8 +29,10 @@ _AT_REST = tuple(
     for category in (SensorCategory.ORIENTATION, SensorCategory.TEMPERATURE, SensorCategory.MAGNETOMETER)
 )
 
-#: Risk of more equal values by chance than are allowed for.
-_RARE = 1e-6
+#: Risk of more equal values by chance than are allowed for, and the normal deviation with this risk.
+_RARE, _BEYOND = 1e-6, 4.75
+#: Rounds of an iteration for the share of rows that are equal, and the feedback in it beyond which it tells nothing.
+_ROUNDS, _UNSURE = 100, 0.9
 #: Terms of a sum whose rest is below rounding.
 _MANY = 40.0
 
@@ -163,12 +165,27 @@ def _by_chance(same: NDArray[np.bool_]) -> int:
     """Return how many values of a sensor with a coarse resolution may equal the one before without a fault.
 
     ``same`` says which channels (columns) equal those before. Channels whose noise is some counts are equal now and
-    then, each on its own: how often, the rows tell that differ in others. That all are is the product of these shares;
-    beyond the returned number there are more in one of a million recordings.
+    then, each on its own, and all of them with the product of their shares. The shares are told by the rows that differ
+    in some channel, which rows that are repeated do not change: ``p = q + (1 - q) P``, if *q* is the share of a channel
+    in those rows, and *P* that of the other rows, the product. Beyond the returned number there are more in one of a
+    million recordings, by chance and by the error of the shares.
     """
-    fresh = same[~same.all(axis=1)]
-    mean = float(np.prod(fresh.mean(axis=0))) * len(same) if len(fresh) else 0.0
-    return next(count for count in itertools.count(math.floor(mean)) if _more(count, mean) <= _RARE) if mean else 0
+    told = same[~same.all(axis=1)]
+    differs = 1.0 - told.mean(axis=0) if len(told) else np.ones(same.shape[1])
+    if (differs == 1.0).any():
+        return 0
+    together = 0.0
+    for _ in range(_ROUNDS):
+        together = float(np.prod(1.0 - differs * (1.0 - together)))
+    shares = 1.0 - differs * (1.0 - together)
+    feedback = together * float((differs / shares).sum())
+    if feedback > _UNSURE:
+        return len(same)
+    errors = (1.0 - together) / shares * np.sqrt((1.0 - differs) * differs / len(told)) / (1.0 - feedback)
+    mean = len(same) * together * math.exp(_BEYOND * float(np.linalg.norm(errors)))
+    if mean >= len(same):
+        return len(same)
+    return next(count for count in itertools.count(math.floor(mean)) if _more(count, mean) <= _RARE)
 
 
 def _more(count: int, mean: float) -> float:
