@@ -1,6 +1,6 @@
 """Publishes a robot of the network on topics: states of its parts, pictures, forces, and the time of a simulation.
 
-It publishes only. Whoever commands a robot does so through its boards.
+It publishes only: a robot is commanded through its boards.
 """
 
 from __future__ import annotations

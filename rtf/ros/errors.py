@@ -6,4 +6,4 @@ from rtf.errors import RtfError
 
 
 class RosError(RtfError):
-    """A topic, a node or a setting that cannot be used. The message says how to mend it."""
+    """A topic, a node or a setting that cannot be used. The message says how to correct it."""

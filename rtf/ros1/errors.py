@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 class Ros1Error(RosError):
-    """A topic, a service, a node or a setting that cannot be used. The message says how to mend it."""
+    """A topic, a service, a node or a setting that cannot be used. The message says how to correct it."""
 
 
 class MissingPackageError(Ros1Error, ImportError):

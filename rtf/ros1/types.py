@@ -193,7 +193,7 @@ class Types:
         if name in self._resolved:
             return self._resolved[name]
         definition = self._find(name)
-        assert definition is not None  # whoever calls has looked
+        assert definition is not None  # callers have checked it
         if len(path) >= _DEEPEST:
             raise DefinitionError(f"types are nested more than {_DEEPEST} deep", definition.where())
         parts = {need: self._need(definition, need, (*path, name)) for need in definition.needs}

@@ -6,7 +6,7 @@ from rtf.ros.errors import RosError
 
 
 class Ros2Error(RosError):
-    """A topic, a node or a setting that cannot be used. The message says how to mend it."""
+    """A topic, a node or a setting that cannot be used. The message says how to correct it."""
 
 
 class MissingPackageError(Ros2Error, ImportError):

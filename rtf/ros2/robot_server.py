@@ -43,7 +43,7 @@ def publish_description(node: Node, robot: str, boards: Mapping[str, RemoteBoard
 
 
 class RobotServer:
-    """Takes commands for boards until it is closed; the service ``NODE/stop`` stops all, whoever asks.
+    """Takes commands for boards until it is closed; the service ``NODE/stop`` stops all, for any client.
 
     Raises RobotError, Ros2Error.
     """

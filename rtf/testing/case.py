@@ -347,7 +347,9 @@ class TestCase(Declared, UsesFixtures):
         )
         answer = session.ask(question)
         if answer is None:
-            raise Inconclusive(f"nobody answered within {timeout:g} s: {text}")
+            raise Inconclusive(
+                f"no answer to {text!r}: answer at the terminal or on the page within {timeout:g} s, or give --answer"
+            )
         return answer
 
     def _kept_picture(self, picture: str) -> str:
