@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from rtf.simulator.faults.base import AxisFault, Layer, Parameter
 from rtf.simulator.faults.mechanics import MotorFault
+from rtf.simulator.faults.moments import RandomMoments
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
@@ -130,8 +131,8 @@ class MotorInterrupted(MotorFault):
     rate: float
 
     def begin(self) -> None:
-        self._random = self.own_random(self.axis)
-        self._open, self._next = False, self._after(self.simulation.now)
+        self._open = False
+        self._moments = RandomMoments(self.own_random(self.axis), self.rate, self.length, self.simulation.now)
         self.boards.each_step.append(self._update)
         super().begin()
 
@@ -139,13 +140,9 @@ class MotorInterrupted(MotorFault):
         self.boards.each_step.remove(self._update)
         super().end()
 
-    def _after(self, time: float) -> float:
-        return time + float(self._random.exponential(1.0 / self.rate))
-
     def _update(self, now: float) -> None:
-        if now >= self._next:
+        if self._moments.holds(now) is not self._open:
             self._open = not self._open
-            self._next = now + self.length if self._open else self._after(now)
             self.boards.motors.refresh()
 
     def change(self, windings: Windings) -> None:

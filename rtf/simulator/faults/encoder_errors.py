@@ -10,6 +10,7 @@ import numpy as np
 
 from rtf.simulator.faults.base import Parameter
 from rtf.simulator.faults.encoders import EncoderFault, MotorEncoderFault
+from rtf.simulator.faults.moments import RandomMoments
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
@@ -77,20 +78,13 @@ class _Spikes(EncoderFault):
     length: float
 
     def begin(self) -> None:
-        self._random = self.own_random(self.axis)
-        self._draw(self.simulation.now)
+        self._spikes = RandomMoments(self.own_random(self.axis), self.rate, self.length, self.simulation.now)
         super().begin()
-
-    def _draw(self, since: float) -> None:
-        self._next = since + float(self._random.exponential(1.0 / self.rate))
-        self._signed = self.height * float(self._random.choice((-1.0, 1.0)))
 
     def show(self, position: FloatArray, velocity: FloatArray, now: float) -> None:
         del velocity
-        while now >= self._next + self.length:
-            self._draw(self._next + self.length)
-        if now >= self._next:
-            position[self.axis] += self._signed
+        if self._spikes.holds(now):
+            position[self.axis] += self._spikes.sign * self.height
 
 
 class EncoderSpikes(_Spikes):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from rtf.simulator.faults.base import Parameter
 from rtf.simulator.faults.mechanics import AddedFriction
+from rtf.simulator.faults.moments import RandomMoments
 
 if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
@@ -79,17 +80,11 @@ class JamAtTimes(_Sometimes):
     length: float
 
     def begin(self) -> None:
-        self._random = self.own_random(self.axis)
-        self._next = self._after(self.simulation.now)
+        self._jams = RandomMoments(self.own_random(self.axis), self.rate, self.length, self.simulation.now)
         super().begin()
 
-    def _after(self, time: float) -> float:
-        return time + float(self._random.exponential(1.0 / self.rate))
-
     def holds(self, now: float) -> bool:
-        while now >= self._next + self.length:
-            self._next = self._after(self._next + self.length)
-        return now >= self._next
+        return self._jams.holds(now)
 
 
 KINDS = (StickyPlace, JamAtTimes)
