@@ -335,10 +335,11 @@ class TestSignals:
         program.until("cal custom (name interrupt31)")
         program.send(signal.SIGINT)
         assert program.end() == 1
-        # Calibrators are aborted in threads of their own, each of which is awaited two seconds at most: the parking
-        # twice, and the calibration of the second interrupt if it has not ended when the third one comes.
+        # Calibrators park and are aborted in threads of their own. An abort is awaited two seconds at most: of the
+        # parking twice, and of the calibration of the second interrupt if it has not ended when the third one comes. A
+        # parking of a shutdown that is aborted is not awaited: on a busy machine its thread may begin after the rest.
         assert program.calls.count("cal abort") in (2, 3)
-        done = [call for call in program.calls if call != "cal abort"]
+        done = [call for call in program.calls if call not in {"cal abort", "cal park board"}]
         assert done[-4:] == ["stub detach", "cal close", "stub close", "board close"]
         assert "park of cal (interrupt1, level 1) has not returned" in program.stderr
 
