@@ -163,7 +163,7 @@ class JointSweep(JointsTest):
         if len(joints) < _FEWEST or not np.isfinite(joints).all() or not np.isfinite(motors).all():
             return ""
         *_, near = spikes_of(joints, motors, self.spike)
-        if errors_of(own.time, joints, motors, near).error > self.error:
+        if np.ptp(motors) < _LEAST or errors_of(own.time, joints, motors, near).error > self.error:
             return f"joint and motor encoder of {name} disagree"
         return self._interruption(name, joint, own)
 
@@ -180,6 +180,11 @@ class JointSweep(JointsTest):
         if (missing := int((~finite).sum())) or len(finite) < _FEWEST or np.ptp(joints) < _LEAST:
             why = f"{missing} of {len(finite)} states have no finite values" if missing else "its sweep is too short"
             self.assert_error_if_false(outcome.complaint, f"{name}: {why}; {likely_causes('frozen')}")
+            return
+        if np.ptp(motors) < _LEAST:
+            way = self.shown(float(np.ptp(joints)))
+            text = f"{name}: its motor encoder stands still while the joint moves by {way}; {likely_causes('frozen')}"
+            self.check(condition=False, text=text)
             return
         of_joint, of_motor, near = spikes_of(joints, motors, self.spike)
         for whose, spikes in (("joint", of_joint), ("motor", of_motor)):
