@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 #: Another axis explains a channel if it leaves at most this share of what its own axis leaves.
 _BETTER = 0.3
+#: The widest interval of a share of another axis in which a greater share counts, as a multiple of the tolerance.
+_WIDEST = 2.0
 _AXES = "xyz"
 
 
@@ -109,8 +111,10 @@ def judge_channels(
         )
         test.measure(f"gain of {name}", channel.line.slope, "", 1.0 - allowed, 1.0 + allowed, hint=hint)
         for axis, (share, interval) in cross_talk(measured[:, own], expected, varying).items():
-            if axis != own and interval <= bounds.gain:  # axes that vary together cannot be told apart
-                allowed = bounds.gain + interval
+            allowed = bounds.gain + interval
+            # Axes that vary nearly together are not told apart: only a clear share is judged, or none.
+            known = interval <= bounds.gain or (interval <= _WIDEST * bounds.gain and abs(share) > allowed)
+            if axis != own and known:
                 hint = f"{sensor}: its {name} shows {share:.2f} times what is along {_AXES[axis]}; "
                 hint += likely_causes("sensor axes")
                 test.measure(f"{_AXES[axis]} in {name}", share, "", -allowed, allowed, hint=hint)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rtf.robot_testing.judging.vector_channels import Bounds, channels_of, judge_channels
+from rtf.robot_testing.judging.vector_channels import Bounds, channels_of, cross_talk, judge_channels
 
 ERROR = 0.1
 RANDOM = np.random.default_rng(5)
@@ -110,3 +110,15 @@ def test_axes_that_vary_together_have_no_cross_talk():
     """A load whose y is always twice its x: what a channel shows of which cannot be known."""
     loads = LOADS[:, [0, 0, 2]] * [1.0, 2.0, 1.0] + 0.001 * NOISE
     assert judged(loads + NOISE, loads).wrong == []
+
+
+def test_more_cross_talk_than_its_interval_is_named():
+    """Of axes that vary nearly together a large share is known for certain, and a small one is not judged."""
+    loads = LOADS.copy()
+    loads[:, 2] = loads[:, 0] + 0.015 * loads[:, 2]
+    measured = loads + NOISE
+    _, interval = cross_talk(measured[:, 0], loads, [0, 1, 2])[2]
+    assert 0.1 < interval < 0.2
+    assert judged(measured, loads).wrong == []
+    measured[:, 0] += 0.4 * loads[:, 2]
+    assert "z in force x" in judged(measured, loads).wrong
