@@ -177,7 +177,8 @@ def test_a_client_that_is_killed_leaves_every_joint_safe(server: NameServer, net
         # A motor that still creeps brakes itself.
         eventually(lambda: np.abs(torque[driven]).max() < 1e-5, "the torques do not end")
         with robot.simulation.lock:
-            assert boards.velocity[prosup] == pytest.approx(0.0, abs=0.3)
+            # A single count of its encoder shows as 0.69 deg/s; its speed was 4 deg/s.
+            assert boards.velocity[prosup] == pytest.approx(0.0, abs=0.8)
             rested = float(boards.position[prosup])
         eventually(lambda: robot.simulation.now > dead + 2.5, "time stands still")
         with robot.simulation.lock:
