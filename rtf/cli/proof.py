@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtf.cli.parser import count, make_parser
+from rtf.cli.parser import argument, count, make_parser
 from rtf.errors import did_you_mean
 from rtf.testing.verdict import ExitCode
 
@@ -118,12 +118,12 @@ def _cases(options: argparse.Namespace) -> list[Case]:
     return on_units(cases, options.units)
 
 
+@argument
 def _units(text: str) -> range:
-    first, _, last = text.partition("-")
-    numbers = range(int(first), int(last or first) + 1)
-    if not numbers:
-        raise ValueError
-    return numbers
+    first, _, last = text.partition("-") if "-" in text else (text, "", text)
+    if not (first.isdecimal() and last.isdecimal() and int(first) <= int(last)):
+        raise ValueError(f"{text!r} is no range of units, such as 1-20, and no unit, such as 7")
+    return range(int(first), int(last) + 1)
 
 
 def _on_unit(case: Case) -> str:

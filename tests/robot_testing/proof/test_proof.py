@@ -310,9 +310,11 @@ def test_a_proof_on_units_says_which_case_is_of_which(tmp_path: Path):
     done = subprocess.run([*proof, "7-8"], capture_output=True, text=True, timeout=100, cwd=tmp_path, check=False)
     cases = done.stdout.splitlines()[:-1]
     assert [line.rpartition(" on ")[2] for line in cases] == [f"unit {7 + n % 2}" for n in range(len(cases))]
-    wrong = subprocess.run([*proof, "8-7"], capture_output=True, text=True, timeout=100, cwd=tmp_path, check=False)
-    assert wrong.returncode == 4
-    assert "--units: invalid" in wrong.stderr
+    for text in ("8-7", "-7", "7-", "1-2-3", "seven"):
+        command = [*proof[:-1], f"--units={text}"]
+        wrong = subprocess.run(command, capture_output=True, text=True, timeout=100, cwd=tmp_path, check=False)
+        assert wrong.returncode == 4
+        assert f"--units: {text!r} is no range of units" in wrong.stderr
 
 
 def test_an_empty_proof_is_refused(tmp_path: Path):
