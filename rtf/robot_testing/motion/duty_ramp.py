@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from rtf.robot_testing.motion.routines import Routine
     from rtf.robot_testing.motion.trace import Trace
 
+#: A joint without its controller that is faster than this, deg/s, falls: it would be too fast for the guard soon.
+_FALLING = 60.0
 #: Observation time in which a joint has to be at rest, and the most time until then, s.
 BASELINE, SETTLING = 0.5, 5.0
 #: Time for the integral of a controller to take over the load of gravity, and time of averaging its output, s.
@@ -235,15 +237,23 @@ class LimpMotor:
         return False
 
     def _comes_to_rest(self) -> Routine[bool]:
-        """Drive the holding duty cycle until both encoders are at rest; return whether they are."""
+        """Drive the holding duty cycle until both encoders are at rest; return whether they are.
+
+        A joint that falls is not let down: its controller has to catch it at once.
+        """
         clock = self.part.clock
         end = clock.now() + SETTLING
         while clock.now() < end:
             samples, until_then = [np.array(self._where())], clock.now() + BASELINE
-            while clock.now() < until_then:
+            falls = False
+            while clock.now() < until_then and not falls:
                 yield from self._drive(self.holding)
                 samples.append(np.array(self._where()))
+                falls = float(np.abs(self.part.board.encoder_speeds(self.joint))[0]) > _FALLING
             ways = np.ptp(samples, axis=0)
+            if falls:
+                self.restless = float(ways[0]), float(ways[1])
+                return False
             if np.abs(_crept(samples)).max() < LEAST_CREEP and ways.max() < _JITTER:
                 return True
             self.restless = float(ways[0]), float(ways[1])

@@ -67,6 +67,10 @@ class Jittery:
         """See IMotorEncoders."""
         return np.array([100.0 * self.signs[0] * self.place + motor])
 
+    def encoder_speeds(self, joint: int) -> np.ndarray:
+        """See IEncoders."""
+        return np.array([self.creeps * (self.duty - self.needed) + joint])
+
     def set_reference_duty_cycles(self, duties: list[float], motors: list[int]) -> None:
         """See IPWMControl."""
         assert motors == [0]
@@ -129,3 +133,12 @@ def test_a_joint_that_falls_is_not_caught():
     falling = Jittery(0.05, 1, creeps=10.0)
     falling.motor.holding = falling.needed + 8.0
     assert not falling.whether(falling.motor._correct_creep())
+
+
+@pytest.mark.parametrize(("creeps", "most"), [(20.0, 5.0), (0.004, 0.1)])
+def test_a_joint_that_falls_is_not_let_down(creeps: float, most: float):
+    """Without duty cycle it would fall with 240 deg/s, and is given up at once; a slow one comes to rest."""
+    falling = Jittery(0.0, 1, creeps=creeps)
+    falling.motor.holding = 0.0
+    assert falling.whether(falling.motor._comes_to_rest()) is (creeps < 1.0)
+    assert abs(falling.place - 30.0) < most
