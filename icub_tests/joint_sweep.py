@@ -128,11 +128,10 @@ class JointSweep(JointsTest):
         with part.recorded() as trace:
             run_queues(part, part.queues(self.chosen), self._routine, pace=PACE)
         self.assert_error_if_false(len(trace), f"{part.name}: the board publishes no states")
-        states = _States.of(trace, self.transmission)
-        self._states = states
+        self._states = _States.of(trace, self.transmission)
         for joint in self.chosen:
             with self.subresult(part.names[joint]):
-                self._judge(joint, self._sweeps[joint], states)
+                self._judge(joint, self._sweeps[joint])
         self.fail_others(self.swinger.evidence, self.chosen)
 
     def _routine(self, joint: int) -> Routine[None]:
@@ -167,14 +166,14 @@ class JointSweep(JointsTest):
             return f"joint and motor encoder of {name} disagree"
         return self._interruption(name, joint, own)
 
-    def _judge(self, joint: int, sweep: _Sweep, states: _States) -> None:
+    def _judge(self, joint: int, sweep: _Sweep) -> None:
         name, outcome = self.robot_part.names[joint], sweep.outcome
         verdict = self.swinger.verdict(joint, outcome)
         if verdict is not None and not verdict.failed:
             self.inconclusive(verdict.text)
         if verdict is not None:
             self.check(condition=False, text=verdict.text)
-        own = states.between(sweep.moves[0][0], sweep.moves[-1][1])
+        own = self._states.between(sweep.moves[0][0], sweep.moves[-1][1])
         joints, motors = own.joints[:, joint], own.motors[:, joint]
         finite = np.isfinite(joints) & np.isfinite(motors)
         if (missing := int((~finite).sum())) or len(finite) < _FEWEST or np.ptp(joints) < _LEAST:

@@ -75,10 +75,11 @@ class PositionControlAccuracy(StepTest):
         A joint that came from the other side, or went past its target, is held by an integral of the opposite sign. It
         stands until the error is ``width``, twice that whose proportional part is the friction. From there it follows
         the integral, and the error falls as ``width exp(-t / time)``; beyond the target it stands with an error of
-        ``width / (1 + t / time)`` until ``t``. Returned are ``time`` (s; 0 without an integral) and ``width`` (deg).
+        ``width / (1 + t / time)`` until ``t``. Returned are ``time`` (s) and ``width`` (deg),
+        zeros without both parts.
         """
         pid = self.pids[joint]
-        return (abs(pid.kp / pid.ki) if pid.ki else 0.0), 2.0 * friction_reach(pid, self.friction)
+        return (abs(pid.kp / pid.ki), 2.0 * friction_reach(pid, self.friction)) if pid.kp and pid.ki else (0.0, 0.0)
 
     def _hidden(self, pid: Pid, joint: int) -> float:
         """Return the standard deviation (deg) of the rest positions that friction allows a controller.
@@ -92,20 +93,20 @@ class PositionControlAccuracy(StepTest):
     def most_rise(self, joint: int) -> float:
         """See StepTest: friction may hold the joint before the last tenth, for the rise time once more at most."""
         time, width = self._turning(joint)
-        follows = time * math.log(max(width / (0.1 * self.room(joint)), 1.0)) if time else 0.0
+        follows = time * math.log(max(width / (0.1 * self.room(joint)), 1.0))
         return self.rise_time + min(follows, self.rise_time)
 
     def most_settling(self, joint: int) -> float:
         """See StepTest: likewise beyond the band, on either side."""
         time, width = self._turning(joint)
-        stands = time * max(width / min(self.band, self.room(joint) / 4.0) - 1.0, 0.0) if time else 0.0
+        stands = time * max(width / min(self.band, self.room(joint) / 4.0) - 1.0, 0.0)
         return self.settling_time + min(stands, self.settling_time)
 
     def most_error(self, joint: int) -> float:
         """See StepTest: likewise in the middle of the time in which it is averaged."""
         time, width = self._turning(joint)
         averaged = (1.0 - STEADY_SHARE / 2.0) * (self.step_duration - self.lead)
-        return max(self.steady_error, width / (1.0 + averaged / time)) if time else self.steady_error
+        return max(self.steady_error, width * time / (time + averaged))
 
     def most_spread(self, joint: int, cycles: list[Cycle]) -> float:
         del cycles

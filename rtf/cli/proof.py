@@ -42,7 +42,7 @@ def proof(words: Sequence[str]) -> ExitCode:
         print(f"rtf proof: {wrong}", file=sys.stderr)
         return ExitCode.USAGE
     if options.list:
-        print("\n".join(f"{case.expectation.value:9}  {case.name}{_on_unit(case)}" for case in cases))
+        print("\n".join(f"{case.expectation.value:9}  {case.name}{case.on_unit}" for case in cases))
         print(f"{len(cases)} cases")
         return ExitCode.PASSED
     folder = Path(options.folder).absolute()
@@ -126,10 +126,6 @@ def _units(text: str) -> range:
     return range(int(first), int(last) + 1)
 
 
-def _on_unit(case: Case) -> str:
-    return f" on unit {case.unit}" if case.unit else ""
-
-
 def _unknown(tests: Sequence[str]) -> str:
     """Return which of these tests claims nothing; empty when all of them claim something."""
     from rtf.robot_testing.proof import shipped_cases
@@ -186,7 +182,7 @@ def _judged_cases(run: Path, by_test: dict[str, Case]) -> list[JudgedCase]:
 def _tell(judged: Sequence[JudgedCase], target: Path) -> ExitCode:
     wrong = [one for one in judged if not one.judgement.good]
     for one in wrong:
-        print(f"{one.judgement.value}: {one.case.name}{_on_unit(one.case)}: {one.sentence}")
+        print(f"{one.judgement.value}: {one.case.name}{one.case.on_unit}: {one.sentence}")
     print(f"The matrix is in {target}")
     if wrong:
         print(f"PROOF FAILED  {len(wrong)} of {len(judged)} claims do not hold")

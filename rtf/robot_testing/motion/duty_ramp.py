@@ -119,6 +119,10 @@ class LimpMotor:
             return motor, float(self._transmission.rotors(board.encoders())[self.joint]) / abs(self._factor)
         return motor, board.encoder(self.joint) * float(np.sign(self._factor))
 
+    def _speed(self) -> float:
+        """Return how fast the joint is, deg/s."""
+        return float(np.abs(self.part.board.encoder_speeds(self.joint))[0])
+
     def _drive(self, duty: float) -> Routine[None]:
         now = self.part.clock.now()
         if duty != self._sent or now >= self._sent_at + _REPEAT:
@@ -163,7 +167,7 @@ class LimpMotor:
     def _held_by(self) -> Routine[FloatArray]:
         """Return the mean duty cycles of all motors of the part, once the joint has come to rest."""
         part, clock = self.part, self.part.clock
-        yield from until(clock, lambda: float(np.abs(part.board.encoder_speeds(self.joint))[0]) < _CALM, SETTLING)
+        yield from until(clock, lambda: self._speed() < _CALM, SETTLING)
         yield from pause(clock, _HOLDING)
         with part.recorded() as trace:
             yield from pause(clock, _AVERAGED)
@@ -249,14 +253,13 @@ class LimpMotor:
             while clock.now() < until_then and not falls:
                 yield from self._drive(self.holding)
                 samples.append(np.array(self._where()))
-                falls = float(np.abs(self.part.board.encoder_speeds(self.joint))[0]) > _FALLING
+                falls = self._speed() > _FALLING
             ways = np.ptp(samples, axis=0)
-            if falls:
-                self.restless = float(ways[0]), float(ways[1])
-                return False
-            if np.abs(_crept(samples)).max() < LEAST_CREEP and ways.max() < _JITTER:
+            if not falls and np.abs(_crept(samples)).max() < LEAST_CREEP and ways.max() < _JITTER:
                 return True
             self.restless = float(ways[0]), float(ways[1])
+            if falls:
+                break
         return False
 
     def ramp(

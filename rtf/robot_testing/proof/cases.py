@@ -83,6 +83,11 @@ class Case:
         return int(self.simulator.get("unit", 0))
 
     @property
+    def on_unit(self) -> str:
+        """On which unit it is run, as text after a name; empty for the nominal one."""
+        return f" on unit {self.unit}" if self.unit else ""
+
+    @property
     def needs_cameras(self) -> bool:
         """Whether the simulator must be started with cameras."""
         kinds = (Target.CAMERA, Target.DEPTH_CAMERA)

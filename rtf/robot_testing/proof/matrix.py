@@ -110,7 +110,7 @@ def _cases(judged: Sequence[JudgedCase]) -> str:
         case = one.case
         came = one.judgement.value if one.judgement.good else f"**{one.judgement.value}**"
         said = case.reason or one.sentence
-        came += f" on unit {case.unit}" if case.unit else ""
+        came += case.on_unit
         cells = [case.test, case.fault or "none", case.target, _severity(case), came, said]
         rows.append(f"| {' | '.join(_cell(cell) for cell in cells)} |\n")
     return "".join(rows)
