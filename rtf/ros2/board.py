@@ -71,7 +71,7 @@ class Ros2Board(BoardDriver):
             parameters.choice(configuration, "interface", "position", [one.value for one in Interface])
         )
         self.period = parameters.positive(configuration, "period", 0.01)
-        self._timeout = parameters.positive(configuration, "timeout", 0.5)
+        self.max_age = parameters.positive(configuration, "timeout", 0.5)
         patience = parameters.positive(configuration, "patience", 10.0)
         try:
             self._node = make_node(configuration, "rtf_board", self.report)
@@ -126,7 +126,7 @@ class Ros2Board(BoardDriver):
         """Take the latest state, and wait for one for a period. Raises DeviceError if it is too old."""
         found = self._states.await_newer(self._arrived, self.period or 0.0)
         age = clock.current().now() - found.arrived
-        if age > self._timeout:
+        if age > self.max_age:
             raise DeviceError("no states of the joints come any more; is the robot's node running?")
         state.joint_positions[:] = found.values[0] * self._units
         if Field.JOINT_VELOCITIES in self.measures:

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 def opened(network: Network, domain: int, text: str = "", **values: object) -> Any:
     """Return the open device; ``Any`` as it has all interfaces of a board."""
-    configuration = Property.parse(f"(domain {domain}) (patience 5.0) {text}")
+    configuration = Property.parse(f"(domain {domain}) (patience 5.0) (timeout 5.0) {text}")
     for key, value in values.items():
         configuration.put(key, value)
     return make_device("ros2ControlBoard", configuration, network=network)

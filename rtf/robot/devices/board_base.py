@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -23,8 +24,8 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import AxisSelection, FloatArray, Values
 
 
-#: The greatest age of a state: so many periods of the driver, and at least so many seconds.
-_PERIODS, _LEAST_AGE = 10, 0.1
+#: A state of so many periods is never too old.
+_PERIODS = 10
 
 
 class BoardBase(Device):
@@ -61,10 +62,12 @@ class BoardBase(Device):
     def _update(self) -> None:
         """Bring the state up to date. Raises StaleStateError if the hardware has not answered for some periods."""
         self.board.update()
-        if self.board.driver.period is not None:
-            age = self.board.driver.time() - self.board.read_at
-            if age > max(_PERIODS * self.board.driver.period, _LEAST_AGE):
-                raise StaleStateError(f"{self.name}: the hardware has not answered for {age:.2g} s")
+        driver = self.board.driver
+        if driver.period is not None:
+            age = driver.time() - self.board.read_at
+            if age > max(_PERIODS * driver.period, driver.max_age):
+                since = f"has not answered for {age:.2g} s" if math.isfinite(age) else "does not answer"
+                raise StaleStateError(f"{self.name}: the hardware {since}")
 
     @contextmanager
     def _between_cycles(self) -> Iterator[MotorBoard]:

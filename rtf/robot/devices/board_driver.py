@@ -87,6 +87,8 @@ class BoardDriver(DeviceProvider):
 
     #: Seconds between two cycles of reading and writing, in a thread; None: one whenever the board is used.
     period: float | None = 0.01
+    #: For how long a state counts when no cycle follows, s, and for ten periods; ``connect`` may set it.
+    max_age: float = 0.1
     #: The fields that ``read`` fills in. Values of motors that it does not measure follow from the joints.
     measures: frozenset[Field] = frozenset({Field.JOINT_POSITIONS, Field.JOINT_VELOCITIES, Field.JOINT_ACCELERATIONS})
     #: The modes that a user may request; others are refused.

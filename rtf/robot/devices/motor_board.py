@@ -10,6 +10,7 @@ client has died stops; position moves end by themselves, and direct positions ar
 
 from __future__ import annotations
 
+import math
 import threading
 from typing import TYPE_CHECKING, ClassVar
 
@@ -26,7 +27,7 @@ from rtf.robot.control_modes import (
     mode_word,
 )
 from rtf.robot.devices.board_driver import DrivenBoard, Setpoints
-from rtf.robot.errors import NotSupportedError, RefusedError
+from rtf.robot.errors import DeviceError, NotSupportedError, RefusedError
 from rtf.robot.extended_state import ExtendedState, Field
 
 if TYPE_CHECKING:
@@ -63,7 +64,7 @@ class MotorBoard(DrivenBoard):
 
     #: Steps of the trajectories a second.
     steps_a_second: ClassVar[int] = 1
-    #: When the hardware last answered, s.
+    #: When the hardware last answered, s; -inf if it did not the last time.
     read_at: float = 0.0
 
     def __init__(self, driver: BoardDriver, lock: AbstractContextManager[object] | None = None) -> None:
@@ -117,7 +118,11 @@ class MotorBoard(DrivenBoard):
         """Read the hardware into a new state: a reader in another thread keeps the one that it has."""
         state = self._empty_state()
         self.tick = now * self.steps_a_second
-        self.driver.read(state)
+        try:
+            self.driver.read(state)
+        except DeviceError:
+            self.read_at = -math.inf
+            raise
         state.joint_positions += self.encoder_offsets
         for joints, motors in self._derived:
             np.dot(self.configured_couplings, state.floats[joints], out=state.floats[motors])
