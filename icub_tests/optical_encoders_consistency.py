@@ -272,10 +272,17 @@ class OpticalEncodersConsistency(JointsTest):
         return ratios, left
 
     def _swung(self, joint: int) -> list[int]:
-        """Return the joints of a joint's board that have swung, in the order of their recordings."""
+        """Return the joints of a joint's board that have swung, in the order of their recordings.
+
+        One whose swings were cut short says nothing about other motors: a count of its encoder is too much of its way.
+        """
         of_board = [one for one in self.chosen if one in self.transmission.blocks[joint]]
-        traces = [(one, self._swings[one].trace) for one in of_board]
-        return [one for one, trace in traces if len(trace) and np.ptp(trace.positions[:, one]) >= _SWUNG]
+        whole = [
+            (one, self._swings[one].trace)
+            for one in of_board
+            if one == joint or not self._swings[one].outcome.complaint
+        ]
+        return [one for one, trace in whole if len(trace) and np.ptp(trace.positions[:, one]) >= _SWUNG]
 
     def _judge_ratios(self, joint: int, ratios: dict[int, Slopes], limit: float) -> None:
         """Judge the motor's row of the couplings against the configuration."""
@@ -292,11 +299,24 @@ class OpticalEncodersConsistency(JointsTest):
         }
         if errors:
             worst = max(errors, key=lambda other: abs(errors[other]))
+            if abs(errors[worst]) > limit:
+                self._excuse_column(joint, worst, errors[worst] / float(expected[worst]) + 1.0)
             hint = (
                 f"{names[joint]}: its motor turns {expected[worst] + errors[worst]:.3f} times with {names[worst]}, in "
                 f"units of its own ratio, not {expected[worst]:.3f} times; {likely_causes('ratio')}"
             )
             self.measure("greatest error of a coupling", errors[worst], low=-limit, high=limit, hint=hint)
+
+    def _excuse_column(self, joint: int, other: int, ratio: float) -> None:
+        """End a joint as inconclusive whose motor disagrees with another joint as that joint's own motor does.
+
+        ``ratio`` is the found coupling by the expected one. What two motors say alike is the encoder of the joint.
+        """
+        names, own = self.robot_part.names, self._estimate(other, self._of_board(other))[0]
+        if other in own and abs(own[other].nearest(1.0) - ratio) < abs(ratio - 1.0) / 2.0:
+            cause = f"by two motors the encoder of {names[other]} shows {1.0 / ratio:.3f} times its way"
+            text = f"{names[joint]}: its motor and {names[other]} disagree"
+            settle(self, blame(joint, Evidence.uncertain(joint, text), [Evidence(frozenset({other}), cause)]))
 
     def _judge_residual(self, joint: int, data: _Data, left: FloatArray) -> bool:
         """Judge play and noise; return whether both are small enough to judge speeds and delays."""

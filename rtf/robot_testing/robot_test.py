@@ -335,13 +335,17 @@ class RobotTest(TestCase):
             self.judge_evidence(part, one, complaint, [first] if doubtful else found)
 
     def _note(self, part: Part, joint: int, found: Sequence[Evidence]) -> None:
-        """Remember certain and likely evidence, and exclude those whom it accuses beside a joint."""
+        """Remember certain and likely evidence, and exclude those whom it accuses beside a joint.
+
+        The joint itself is excluded, too, if it has likely shaken the one that was stopped: it would shake the next.
+        """
         strong = [one for one in found if one.strength > Strength.UNCERTAIN]
         self._evidence = {**self._evidence, part.name: [*self._evidence.get(part.name, []), *strong]}
         if part.guard is not None:
-            for other in accused(strong).keys() - {joint}:
-                part.guard.exclude(other, "it does not obey its commands")
-                part.guard.exclude_coupled(other, "which was left without power")
+            for one, evidence in accused(strong).items():
+                if one != joint or evidence.strength is Strength.LIKELY:
+                    part.guard.exclude(one, "it does not obey its commands")
+                    part.guard.exclude_coupled(one, "which was left without power")
 
     def judge_if_lost(self, part: Part, joint: int) -> bool:
         """Return whether a joint was excluded; judge it by what is known in that case.

@@ -57,6 +57,12 @@ class Drive(NamedTuple):
     turns: FloatArray
     coupling: FloatArray
 
+    @property
+    def efforts(self) -> FloatArray:
+        """The duty cycles of the motors of each joint together, %; of the shape (states, joints)."""
+        together: FloatArray = self.duties @ self.coupling / np.abs(self.coupling).sum(axis=0)
+        return together
+
 
 def drive_evidence(drive: Drive, names: Sequence[str], suspects: Collection[int] = ()) -> list[Evidence]:
     """Return the evidence on motors and joints that do not follow their duty cycles; none if all do.
@@ -66,9 +72,10 @@ def drive_evidence(drive: Drive, names: Sequence[str], suspects: Collection[int]
     if len(drive.time) < 2:  # noqa: PLR2004 - speeds need two
         return []
     turning = _speeds(drive.time, drive.turns) / np.abs(drive.coupling).max(axis=1)
-    efforts = drive.duties @ drive.coupling / np.abs(drive.coupling).sum(axis=0)
+    efforts, moving = drive.efforts, _speeds(drive.time, drive.joints)
     motors = _stubborn(drive.time, drive.duties, turning)
-    joints = _stubborn(drive.time, efforts, _speeds(drive.time, drive.joints))
+    joints = _stubborn(drive.time, efforts, moving)
+    astray = moving * np.sign(efforts) <= -_CLEARLY
     motors = {motor: since for motor, since in motors.items() if not _balanced(drive, efforts, motor)}
     if pair := _exchanged(motors, drive.duties, turning):
         what = f"the motors of {names[pair[0]]} and {names[pair[1]]} are swapped"
@@ -79,7 +86,7 @@ def drive_evidence(drive: Drive, names: Sequence[str], suspects: Collection[int]
         of_motors, of_joints = [one for one in group if one in motors], [one for one in group if one in joints]
         by_motor = len(group) == 1 or len(of_motors) < len(of_joints) or not of_joints
         if not {*group}.isdisjoint(suspects) and (of_motors or of_joints):
-            if (inverted := _first_against(drive, turning, group)) is not None:
+            if (inverted := _first_against(drive, turning, astray, group)) is not None:
                 return [_motor(drive, inverted, names)]
             if by_motor:
                 return [_motor(drive, one, names) for one in of_motors]
@@ -125,12 +132,14 @@ def _exchanged(motors: Mapping[int, float], duties: FloatArray, turning: FloatAr
     return found
 
 
-def _first_against(drive: Drive, turning: FloatArray, group: Sequence[int]) -> int | None:
+def _first_against(drive: Drive, turning: FloatArray, astray: NDArray[np.bool_], group: Sequence[int]) -> int | None:
     """Return the motor of a group that first turned clearly against a large duty cycle, and still does; None if none.
 
-    Those that it drags follow later. A joint that is thrown or braked turns so for a moment only.
+    Those that it drags follow later. A joint that is thrown or braked turns so for a moment only. Where all motors of a
+    joint together drive it the way it goes, and it is not ``astray`` (states, joints), another motor was stronger.
     """
     against = (np.abs(drive.duties) >= _LARGE) & (turning * np.sign(drive.duties) <= -_CLEARLY)
+    against &= (astray @ (drive.coupling != 0).T).astype(bool)
     lasting = np.gradient(drive.time) @ against >= _LASTING
     found = [motor for motor in group if lasting[motor]]
     first = min(found, key=lambda motor: int(np.argmax(against[:, motor])), default=None)

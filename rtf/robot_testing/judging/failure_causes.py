@@ -83,6 +83,11 @@ _CAUSES: dict[str, tuple[str, ...]] = {
         "a loose contact, or a broken strand, in the motor's cable",
         "an amplifier that is off for moments",
     ),
+    "sways": (
+        "gains that are too large",
+        "a belt, tendon or gear that yields, or has play",
+        "an encoder that is late",
+    ),
     "viscous": ("grease that is old, cold or of another kind", "a bearing or a seal that drags"),
     "lost mode": (
         "a limit of its board that was passed: current, temperature, following error",

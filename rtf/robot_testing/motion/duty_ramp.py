@@ -1,11 +1,12 @@
 """Duty cycle ramp of one motor: the duty cycle grows slowly until the motor moves.
 
-Only the joint of that motor loses its controller meanwhile; on boards that change the modes of coupled joints together
-those do, too, and their motors keep the duty cycles that have held them. The ramp starts from the duty cycle at which
-the controller held the joint, so that gravity does not move it. Friction lets a controller hold a joint by any duty
-cycle within a band; near the edge of the band the joint creeps without its controller, and a small correction stops it.
-A joint that cannot be held in this way is let down until it has come to rest. The added duty cycle is then what moves
-it.
+Only the joint of that motor loses its controller meanwhile; on boards that change the modes of coupled joints
+together those do, too, and their motors keep the duty cycles that have held them. The ramp starts from the duty cycle
+at which the controller held the joint, so that gravity does not move it. Friction lets a controller hold a joint by
+any duty cycle within a band; near the edge of the band the joint creeps without its controller, and a small
+correction stops it. One that gives way is held by its controller again, and another duty cycle is tried: a motor that
+it shares may give less torque than its duty cycle says. A joint that cannot be held in this way is let down until it
+has come to rest. The added duty cycle is then what moves it.
 """
 
 from __future__ import annotations
@@ -47,6 +48,9 @@ LEAST_CREEP, _JITTER = _AT_REST * BASELINE, 0.2
 _MEAN_OF = 5
 #: First correction of the duty cycle against creep, %; it is halved each time it was too much.
 _CORRECTION = 1.0
+#: How often a duty cycle is tried that holds a joint, and the first change of one that does not, %. It is doubled while
+#: the joint goes the same way; between one for each way the middle is tried.
+_ATTEMPTS, _CHANGE = 8, 2.0
 #: An unchanged duty cycle is sent again after this time, s, in case a command was lost.
 _REPEAT = 0.1
 #: Least motion that counts, deg of the joint: beyond the resolution of coarse encoders and the play of a gearbox.
@@ -102,6 +106,7 @@ class LimpMotor:
         self.restless = (0.0, 0.0)  # peak-to-peak motion of motor and joint when it was last not at rest, deg
         self.along: list[int] = []  # coupled joints that the board put into the mode, too, and their positions, deg
         self.stood = np.zeros(0)
+        self._gave_way = 0.0  # the sign of the way of a joint that was not held
         self._duties = np.zeros(part.axes)  # duty cycles of all motors while they were held, %
         self._factor = float(transmission.factors[joint])
         self._transmission = transmission
@@ -159,7 +164,7 @@ class LimpMotor:
         yield from self._enter()
         if held and self.along:  # the other motors go on with their shares
             self.holding = float(self._duties[self.joint])
-        if held and (yield from self._correct_creep()):
+        if held and (yield from self._can_be_held()):
             return True
         self.holding = 0.0
         return (yield from self._comes_to_rest())
@@ -205,22 +210,51 @@ class LimpMotor:
         self._sent_at = -np.inf
         return self._drive(duty)
 
+    def _can_be_held(self) -> Routine[bool]:
+        """Find a duty cycle that holds the joint; return whether there is one. Its controller holds it between two."""
+        change, low, high = _CHANGE, -np.inf, np.inf
+        for _ in range(_ATTEMPTS):
+            if (yield from self._correct_creep()):
+                return True
+            if not self._gave_way:
+                break
+            low, high = (low, self.holding) if self._gave_way > 0.0 else (self.holding, high)
+            yield from self._hold_again()
+            if np.isfinite(high - low):
+                self.holding = (low + high) / 2.0
+            else:
+                self.holding -= self._gave_way * change
+                change *= 2.0
+            yield from self._enter()
+        return False
+
+    def _hold_again(self) -> Routine[None]:
+        """Let the controller hold the joint where it is, until it rests."""
+        part, clock = self.part, self.part.clock
+        yield from part.entering(ControlMode.POSITION, [self.joint, *self.along])
+        yield from pause(clock, _HOLDING)
+        yield from until(clock, lambda: self._speed() < _CALM, SETTLING)
+
     def _correct_creep(self) -> Routine[bool]:
         """Drive the holding duty cycle, and correct it against creep, until both encoders are at rest.
 
-        False if the joint moves by more than ``_HELD`` deg, or does not come to rest. Where the encoders disagree about
-        the way, one of them or the gear has a wrong sign, for the ramps to find: the joint's counts, by which its
-        controller has held it, until a correction has made the creep faster.
+        False if the joint does not come to rest, or moves by more than ``_HELD`` deg: then ``_gave_way`` is the sign of
+        its way, 0 if its encoders disagree about it. Where they do, one of them or the gear has a wrong sign, for the
+        ramps to find: the joint's counts, by which its controller has held it, until a correction has made the creep
+        faster.
         """
         clock, change, way, fast = self.part.clock, _CORRECTION, 0.0, np.inf
         first = before = np.array(self._where())
         samples: list[FloatArray] = []
+        self._gave_way = 0.0
         end, since = clock.now() + SETTLING, clock.now()
         while clock.now() < end:
             yield from self._drive(self.holding)
             samples.append(np.array(self._where()))
             here = samples[-1]
             if np.abs(here - first).max() > _HELD:
+                motor, joint = np.sign(here - first)
+                self._gave_way = float(motor) if motor == joint else 0.0
                 return False
             gone = here - before
             if np.abs(gone).max() < self.jitter:  # it may be jitter: creep shows in the mean

@@ -23,6 +23,7 @@ from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.judging.blame import Evidence
 from rtf.robot_testing.judging.drive_agreement import Drive, drive_evidence
 from rtf.robot_testing.judging.encoder_agreement import Motion, encoder_evidence
+from rtf.robot_testing.judging.swaying import swaying_evidence
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -100,9 +101,11 @@ def _by_sensors(part: Part, until: float, transmission: Transmission, suspects: 
     found = encoder_evidence(Motion.of(joints, motors, gearbox, coupling), part.names)
     duties = states.duty_cycles[chosen] * np.sign(gearbox)
     drive = Drive(time[chosen], duties, joints, motors / gearbox, coupling)
-    return (
-        found or drive_evidence(drive, part.names, suspects) or _by_modes(part, states.control_modes[chosen], suspects)
-    )
+    found = found or drive_evidence(drive, part.names, suspects)
+    return found or [
+        *_by_modes(part, states.control_modes[chosen], suspects),
+        *swaying_evidence(drive, part.names),
+    ]
 
 
 def _by_modes(part: Part, modes: NDArray[np.int32], suspects: Collection[int]) -> list[Evidence]:

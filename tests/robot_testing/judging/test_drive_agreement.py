@@ -124,3 +124,14 @@ def test_a_motor_that_is_pressed_later_is_not_exchanged():
 def test_a_single_state_is_no_evidence():
     """It has no speed."""
     assert drive_evidence(Drive(TIME[:1], STILL[:1] + 90.0, STILL[:1], STILL[:1], COUPLING), NAMES) == []
+
+
+def test_a_motor_that_a_stronger_one_turns_back_is_not_accused():
+    """The second motor drives a blocked roll, and with it pitch, against its own motor: pitch goes as both drive it."""
+    coupling = np.array([[1.0, 0.0], [-1.625, 1.625]])
+    duties = np.outer(TIME > 0.3, [80.0, 100.0])
+    joints = np.cumsum(np.outer(TIME > 0.3, [-20.0, 0.0]), axis=0) * 0.01
+    drive = Drive(TIME, duties, joints, joints @ coupling.T, coupling)
+    (found,) = drive_evidence(drive, ("pitch", "roll"), (0, 1))
+    assert found.joints == {1}
+    assert found.text == "roll does not move, although its motors drive it with +100 %"

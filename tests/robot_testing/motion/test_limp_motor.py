@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rtf.robot.control_modes import ControlMode
+from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.motion.duty_ramp import LimpMotor, limp
@@ -47,9 +47,9 @@ class Jittery:
     def __init__(self, sd: float, seed: int, creeps: float = 0.0, signs: tuple[float, float] = (1.0, 1.0)) -> None:
         self.sd, self.creeps, self.signs = sd, creeps, signs
         self.random = np.random.default_rng(seed)
-        self.time, self.place = 0.0, 30.0
+        self.time, self.place, self.mode = 0.0, 30.0, ControlMode.PWM
         self.motor = LimpMotor(
-            SimpleNamespace(board=self, clock=self, axes=1),  # type: ignore[arg-type]
+            SimpleNamespace(board=self, clock=self, axes=1, names=["joint"], entering=self.entering),  # type: ignore[arg-type]
             Transmission(np.array([100.0]), np.eye(1), ((0,),)),
             0,
         )
@@ -69,12 +69,30 @@ class Jittery:
 
     def encoder_speeds(self, joint: int) -> np.ndarray:
         """See IEncoders."""
-        return np.array([self.creeps * (self.duty - self.needed) + joint])
+        return np.array([self.creeps * (self.duty - self.needed) * (self.mode is ControlMode.PWM) + joint])
 
     def set_reference_duty_cycles(self, duties: list[float], motors: list[int]) -> None:
         """See IPWMControl."""
         assert motors == [0]
         (self.duty,) = duties
+
+    def set_interaction_modes(self, mode: InteractionMode, joint: int) -> None:
+        """See IInteractionMode."""
+        assert (mode, joint) == (InteractionMode.STIFF, 0)
+
+    def set_control_modes(self, mode: ControlMode, joint: int) -> None:
+        """See IControlMode."""
+        self.mode = mode if joint == 0 else self.mode
+
+    def control_mode(self, joint: int) -> ControlMode:
+        """See IControlMode."""
+        assert joint == 0
+        return self.mode
+
+    def entering(self, mode: ControlMode, joints: list[int]):
+        """See Part."""
+        self.set_control_modes(mode, *joints)
+        yield
 
     def whether(self, routine) -> bool:
         """Return the result of a routine, with a tick of 20 ms."""
@@ -84,7 +102,8 @@ class Jittery:
             except StopIteration as end:
                 return end.value
             self.time += 0.02
-            self.place += 0.02 * self.creeps * (self.duty - self.needed)
+            if self.mode is ControlMode.PWM:
+                self.place += 0.02 * self.creeps * (self.duty - self.needed)
 
 
 @pytest.mark.parametrize("sd", [0.0, 0.03, 0.05])
@@ -133,6 +152,24 @@ def test_a_joint_that_falls_is_not_caught():
     falling = Jittery(0.05, 1, creeps=10.0)
     falling.motor.holding = falling.needed + 8.0
     assert not falling.whether(falling.motor._correct_creep())
+
+
+@pytest.mark.parametrize("off", [-9.0, 5.0, 1.5, -3.0])
+def test_a_joint_that_gives_way_is_held_by_another_duty_cycle(off: float):
+    """One of its two motors is weak, and so the duty cycle that held it is not what the other one needs."""
+    falling = Jittery(0.01, 1, creeps=8.0)
+    falling.motor.holding = falling.needed + off
+    assert falling.whether(falling.motor._can_be_held())
+    assert abs(falling.motor.holding - falling.needed) < 1.0
+    assert falling.mode is ControlMode.PWM
+    assert abs(falling.place - 30.0) < 12.0  # each time it was caught at once
+
+
+def test_a_joint_without_its_motor_is_held_by_no_duty_cycle():
+    """It gives way as often as it is tried, by little, and is given up then."""
+    falling = Jittery(0.0, 1, creeps=8.0)
+    falling.needed = 200.0
+    assert not falling.whether(falling.motor._can_be_held())
 
 
 @pytest.mark.parametrize(("creeps", "most"), [(20.0, 5.0), (0.004, 0.1)])

@@ -1,0 +1,60 @@
+"""Swaying: which joint shakes its part, as its controller drives it to and fro.
+
+The loop of a joint with too large gains, a late encoder, or a gear that yields, sways, and the joints that are only
+held have to work against it: their motors are driven to and fro, too, and may draw more current than the shaking one.
+But they hold their place. So the one that sways farthest by far is the cause.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtf.robot_testing.judging.blame import Evidence, Strength
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rtf.robot.interfaces import FloatArray
+    from rtf.robot_testing.judging.drive_agreement import Drive
+
+#: The last moments that are looked at, s: some periods of an arm on its gears, which is a few Hz.
+_RECENT = 0.5
+#: A controller drives a joint to and fro if its duty cycle passes this value with both signs, %, as no healthy motion
+#: of tests does; and the fewest changes of its sign in these moments: a motion that starts and brakes has one.
+_STRONG, _FEWEST = 30.0, 4
+#: The least way from end to end that counts, deg, and how much farther the one that shakes goes than all others.
+_LEAST, _FARTHER = 1.0, 1.5
+
+
+def swaying_evidence(drive: Drive, names: Sequence[str]) -> list[Evidence]:
+    """Return the evidence against the joint that shakes its part; none without one."""
+    recent, efforts = drive.time > drive.time[-1] - _RECENT, drive.efforts
+    ways = np.ptp(_without_trend(drive.time[recent], drive.joints[recent]), axis=0)
+    driven = [joint for joint in range(len(names)) if _changes(efforts[recent, joint]) >= _FEWEST]
+    if not driven:
+        return []
+    first = max(driven, key=lambda joint: float(ways[joint]))
+    others = max((float(ways[joint]) for joint in driven if joint != first), default=0.0)
+    if ways[first] < max(_LEAST, _FARTHER * others):
+        return []
+    low, high = efforts[recent, first].min(), efforts[recent, first].max()
+    text = (
+        f"{names[first]} sways by {ways[first]:.1f} deg: its controller drives its motors to and fro, "
+        f"with {low:+.0f} to {high:+.0f} %"
+    )
+    return [Evidence(frozenset({first}), text, ("sways",), Strength.LIKELY)]
+
+
+def _without_trend(time: FloatArray, positions: FloatArray) -> FloatArray:
+    """Return positions without the straight motion in them."""
+    columns = np.column_stack([time - time[0], np.ones(len(time))])
+    left: FloatArray = positions - columns @ np.linalg.lstsq(columns, positions, rcond=None)[0]
+    return left
+
+
+def _changes(effort: FloatArray) -> int:
+    """Return how often an effort changes between strongly positive and strongly negative."""
+    signs = np.sign(effort[np.abs(effort) >= _STRONG])
+    return int(np.count_nonzero(np.diff(signs)))

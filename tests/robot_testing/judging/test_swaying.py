@@ -1,0 +1,55 @@
+"""Which joint shakes its part."""
+
+import numpy as np
+import pytest
+
+from rtf.robot_testing.judging.blame import Strength
+from rtf.robot_testing.judging.drive_agreement import Drive
+from rtf.robot_testing.judging.swaying import swaying_evidence
+
+NAMES = ("shoulder", "elbow", "wrist")
+TIME = np.arange(0.0, 2.0, 0.01)
+RATE = 8.0  # Hz
+
+
+def evidence(ways, duties, speeds=(0.0, 0.0, 0.0)):
+    """What is found for joints that sway by ``ways`` (deg, end to end) with duty cycles to ± ``duties`` (%)."""
+    swing = np.sin(2 * np.pi * RATE * TIME)
+    joints = np.outer(swing, ways) / 2.0 + np.outer(TIME, speeds)
+    return swaying_evidence(Drive(TIME, -np.outer(swing, duties), joints, joints, np.eye(3)), NAMES)
+
+
+def test_the_joint_that_sways_farthest_is_named():
+    """The others work against it, with more duty cycle even, while they hold their places."""
+    (found,) = evidence([4.0, 0.2, 1.1], [90.0, 10.0, 100.0])
+    assert (found.joints, found.strength) == ({0}, Strength.LIKELY)
+    assert found.text.startswith("shoulder sways by 4.")
+    assert "with -90 to +90 %" in found.text
+    assert "gains that are too large" in found.sentence
+
+
+def test_a_joint_that_is_commanded_to_move_has_not_swayed_by_that():
+    """Its straight motion is longer than the way of the one that shakes."""
+    (found,) = evidence([0.2, 0.1, 2.0], [60.0, 0.0, 80.0], speeds=[20.0, 0.0, 0.0])
+    assert found.joints == {2}
+
+
+@pytest.mark.parametrize(
+    ("ways", "duties"),
+    [
+        ([3.0, 0.1, 2.5], [80.0, 10.0, 80.0]),  # two of them: either may shake the other
+        ([0.5, 0.0, 0.1], [80.0, 0.0, 80.0]),  # it hardly moves
+        ([5.0, 0.1, 0.1], [20.0, 5.0, 5.0]),  # nothing drives it
+    ],
+)
+def test_without_a_clear_case_nothing_is_said(ways, duties):
+    """Another kind of evidence has to decide."""
+    assert evidence(ways, duties) == []
+
+
+def test_a_motion_that_starts_and_brakes_is_no_swaying():
+    """Its duty cycle changes its sign once."""
+    duties = np.zeros((TIME.size, 3))
+    duties[150:175, 0], duties[175:, 0] = 80.0, -80.0
+    joints = np.cumsum(np.cumsum(duties, axis=0), axis=0) * 1e-4
+    assert swaying_evidence(Drive(TIME, duties, joints, joints, np.eye(3)), NAMES) == []
