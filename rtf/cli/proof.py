@@ -79,7 +79,7 @@ def _parse(words: Sequence[str]) -> argparse.Namespace:
     parser.add_argument(
         "--units",
         metavar="A-B",
-        type=_units,
+        type=range_of_units,
         default=(),
         help="each claim on the next one of these robots of the population, in turn (default: the nominal one)",
     )
@@ -119,7 +119,8 @@ def _cases(options: argparse.Namespace) -> list[Case]:
 
 
 @argument
-def _units(text: str) -> range:
+def range_of_units(text: str) -> range:
+    """Return the units that a text such as ``1-20`` or ``7`` means. Raises ValueError."""
     first, _, last = text.partition("-") if "-" in text else (text, "", text)
     if not (first.isdecimal() and last.isdecimal() and int(first) <= int(last)):
         raise ValueError(f"{text!r} is no range of units, such as 1-20, and no unit, such as 7")

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from measuring import TESTRUNNER
 
+from rtf.cli.proof import range_of_units
 from rtf.testing import journal
 from rtf.testing.events import Message, RunEnded
 from rtf.testing.results import RunResult
@@ -51,7 +52,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the units one after the other, and print the table; 1 if there was a false alarm."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--folder", type=Path, required=True, help="where the runs are kept")
-    parser.add_argument("--units", type=_range, default=range(1, 21), metavar="A-B", help="default: 1-20")
+    parser.add_argument("--units", type=range_of_units, default=range(1, 21), metavar="A-B", help="default: 1-20")
     parser.add_argument("--suite", type=Path, default=BATTERY, help="default: the battery of the iCub")
     parser.add_argument("--define", action="append", default=[], metavar="NAME=VALUE", help="a variable of the suite")
     parser.add_argument("-k", dest="chosen", default="", metavar="EXPRESSION", help="tests whose name matches")
@@ -62,11 +63,6 @@ def main(arguments: list[str] | None = None) -> int:
     units = {unit: run_unit(options.folder, options.suite, unit, words) for unit in options.units}
     print(table(units))
     return int(any(one.verdict in ALARMS for tests in units.values() for one in tests.values()))
-
-
-def _range(text: str) -> range:
-    first, _, last = text.partition("-")
-    return range(int(first), int(last or first) + 1)
 
 
 def suite_of_unit(suite: Path, unit: int, folder: Path) -> str:

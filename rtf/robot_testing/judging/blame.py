@@ -14,8 +14,8 @@ there is none                                         failed: nothing else expla
 
 Certain is what sensors of a joint or a motor show of itself, such as an encoder that stands still while its motor
 turns. Likely is a motor that is driven hard and does not turn while another joint had to be stopped: it works against
-its controller, or against an obstacle, and shakes the others. A joint that had to be stopped, or is late, is uncertain:
-that happens to the healthy neighbours of a fault, too.
+its controller, or against an obstacle, and shakes the others; or a joint that sways farther than all others. A joint
+that had to be stopped, or is late, is uncertain: that happens to the healthy neighbours of a fault, too.
 """
 
 from __future__ import annotations
