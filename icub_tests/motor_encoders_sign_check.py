@@ -75,12 +75,14 @@ class MotorEncodersSignCheck(DutyTest):
         for word, sign, ramp in (("positive", 1.0, ways.positive), ("negative", -1.0, ways.negative)):
             if ramp.moved:
                 self._judge_way(name, word, sign, steps, ramp)
-            elif ways.held:  # otherwise it may rest at a limit
+            elif ways.held and not ways.let_down:  # otherwise it may rest at a limit
                 self.check(
                     condition=False,
                     text=f"{name} does not move with a {word} duty cycle: {ramp.end.value}, at {ramp.added:g} %; "
                     f"{likely_causes('does not move')}",
                 )
+
+        self.end_if_let_down(joint, ways)
 
     def _judge_way(self, name: str, word: str, sign: float, steps: Steps, ramp: Ramp) -> None:
         least = _SHARE * steps.threshold

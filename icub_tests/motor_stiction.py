@@ -73,6 +73,7 @@ class MotorStiction(DutyTest):
     def judge(self, joint: int, found: list[BothWays]) -> None:
         name, place = self.robot_part.names[joint], self.chosen.index(joint)
         for ways in found:
+            self.end_if_let_down(joint, ways)
             self._require_motion(name, ways, self.steps[place])
         upwards, downwards = np.array([(ways.positive.breakaway, ways.negative.breakaway) for ways in found]).T
         self.measure("set going upwards", float(upwards.mean()), "%")

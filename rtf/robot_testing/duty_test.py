@@ -42,11 +42,15 @@ class Steps(NamedTuple):
 
 
 class BothWays(NamedTuple):
-    """The ramps of one motor. ``held``: whether the controller could hold the joint at the test position."""
+    """The ramps of one motor. ``held``: whether the controller could hold the joint at the test position.
+
+    ``let_down``: whether no duty cycle could, before one of the ramps, so that the joint began it elsewhere.
+    """
 
     positive: Ramp
     negative: Ramp
     held: bool
+    let_down: bool = False
 
     @property
     def stuck(self) -> float:
@@ -85,6 +89,15 @@ class DutyTest(JointsTest):
     def judge(self, joint: int, found: list[BothWays]) -> None:
         """Judge the ramps of a joint. Called in its sub-result."""
         raise NotImplementedError
+
+    def end_if_let_down(self, joint: int, ways: BothWays) -> None:
+        """End a joint as inconclusive that was let down, and stays with one sign of the duty cycle: it is at a stop."""
+        if ways.let_down and ways.stuck:
+            name, word = self.robot_part.names[joint], "positive" if ways.stuck > 0 else "negative"
+            self.inconclusive(
+                f"{name} does not move with a {word} duty cycle; but no duty cycle held it, and it was let down: it "
+                "may rest at a stop; test it in a posture in which gravity does not move it"
+            )
 
     def run(self) -> None:
         """Test motor by motor."""
@@ -191,14 +204,16 @@ class DutyTest(JointsTest):
         """Drive a motor with both signs, each time from ``place`` if its controller can reach that."""
         part = self.robot_part
         ramps: list[Ramp] = []
+        let_down = False
         for sign in (1.0, -1.0):
             yield from self._bring(joint, place)
             with limp(part, self.transmission, joint, held=held) as motor:
                 ramps.append((yield from self._drive(motor, sign, held=held)))
+            let_down |= motor.let_down
             if held and motor.along:
                 yield from part.moving(motor.stood, motor.along, speed=HOMING, tolerance=NEAR)
         positive, negative = ramps
-        return BothWays(positive, negative, held)
+        return BothWays(positive, negative, held, let_down)
 
     def _bring(self, joint: int, place: float) -> Routine[bool]:
         part = self.robot_part

@@ -11,7 +11,7 @@ from rtf.robot_testing.duty_test import BothWays, Steps
 from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.motion.duty_ramp import End, Ramp
 from rtf.robot_testing.motion.joint_swings import Outcome
-from rtf.testing.verdict import TestProblem
+from rtf.testing.verdict import Inconclusive, TestProblem
 
 from .kept_test import kept_test
 
@@ -168,6 +168,18 @@ def test_the_stiction_of_few_repetitions_has_their_spread():
     assert "elbow needs 12.0 % (11.5 to 12.5 in 2 times) of duty cycle beyond the load of gravity" in failure
     (failure,) = stiction(12.0)
     assert "elbow needs 12.0 % of duty cycle beyond" in failure
+
+
+@pytest.mark.parametrize(("name", "settings"), [("MotorStiction", {"most": [10.0]}), ("MotorEncodersSignCheck", {})])
+def test_a_joint_that_was_let_down_to_its_stop_is_not_accused(name, settings):
+    """No duty cycle held it, so it fell; that it does not go on past its stop says nothing about its motor."""
+    moved = Ramp(End.MOVED, 8.0, -8.0, -5.0, -5.0, np.empty(0))
+    stuck = Ramp(End.MAXIMUM, 50.0, 50.0, 0.0, 0.0, np.empty(0))
+    test = kept_test(name, robot_part=PART, transmission=GEARED, chosen=[0], **settings)
+    test.steps = [Steps(0.0, 0.5, 0.1, 50.0, 5.0)]
+    with pytest.raises(Inconclusive, match=r"elbow does not move with a positive duty cycle; but .* it was let down"):
+        test.judge(0, [BothWays(stuck, moved, held=True, let_down=True)])
+    assert not test.kept.failures
 
 
 @pytest.mark.parametrize("column", ["positions", "motor_positions"])

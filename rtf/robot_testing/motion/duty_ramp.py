@@ -103,6 +103,7 @@ class LimpMotor:
         self.joint = joint
         self.holding = 0.0  # %
         self.jitter = _JITTER  # deg
+        self.let_down = False  # no duty cycle held the joint where its controller did
         self.restless = (0.0, 0.0)  # peak-to-peak motion of motor and joint when it was last not at rest, deg
         self.along: list[int] = []  # coupled joints that the board put into the mode, too, and their positions, deg
         self.stood = np.zeros(0)
@@ -166,6 +167,7 @@ class LimpMotor:
             self.holding = float(self._duties[self.joint])
         if held and (yield from self._can_be_held()):
             return True
+        self.let_down = held
         self.holding = 0.0
         return (yield from self._comes_to_rest())
 
