@@ -322,6 +322,8 @@ class JointSweep(JointsTest):
         if found is not None:
             fastest = float(np.quantile(np.abs(np.gradient(found.positions, found.time)), _FASTEST))
             more, speed = found.viscous * fastest, self.shown(fastest, ".0f")
+            if more > self.viscous and (excuse := limpness(self.robot_part, joint)):
+                self.inconclusive(f"{name} needed {more:.0f} % of its torque more at {speed}/s; but {excuse}")
             hint = f"{name} needs {more:.0f} % of its torque more at {speed}/s than slowly; {likely_causes('viscous')}"
             self.measure("viscous friction", more, "%", high=self.viscous, hint=hint)
 

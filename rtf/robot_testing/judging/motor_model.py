@@ -20,6 +20,8 @@ import numpy as np
 from rtf.robot_testing.judging.robust_fit import robust_fit
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from rtf.robot.interfaces import FloatArray
     from rtf.robot.model.drives import Drive
 
@@ -123,16 +125,25 @@ def _interrupted(
     """Return that a motor has no current for moments although its duty cycle drives one, as it does otherwise.
 
     One or two states are none: a duty cycle that is shown a state before its current looks like that where it changes.
+    Nor are those beside a change of its sign, of which there are many where a controller drives to and fro.
     """
     noise = _OUTSIDE * (drive.current_noise + drive.current_step)
     driven = _driven(duties, speeds, drive, supply)
     off = (np.abs(currents) <= noise) & (np.abs(driven) > max(_OUTSIDE * noise, _HARD * supply / drive.resistance))
+    off &= _lasting(driven > 0.0) | _lasting(driven < 0.0)
     rest = ~off & (np.abs(driven) > noise)
     if off.sum() < _MOMENTS or not rest.any() or not np.median(currents[rest] / driven[rest]) > _FLOWS:
         return None
     return WrongMotor(
         f"it has no current in {off.sum()} of {len(off)} states, and a duty cycle for one", "loose contact"
     )
+
+
+def _lasting(states: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return in which states something holds that holds in the states before and after, too."""
+    around = np.pad(states, 1, mode="edge")
+    found: NDArray[np.bool_] = around[:-2] & states & around[2:]
+    return found
 
 
 def _driven(duties: FloatArray, speeds: FloatArray, drive: Drive, supply: float) -> FloatArray:
