@@ -161,10 +161,28 @@ class JointSweep(JointsTest):
         joints, motors = own.joints[:, joint], own.motors[:, joint]
         if len(joints) < _FEWEST or not np.isfinite(joints).all() or not np.isfinite(motors).all():
             return ""
-        *_, near = spikes_of(joints, motors, self.spike)
-        if np.ptp(motors) < _LEAST or errors_of(own.time, joints, motors, near).error > self.error:
+        if self._disagree(own.time, joints, motors) and self._disagree(own.time, joints, own.alone[:, joint]):
             return f"joint and motor encoder of {name} disagree"
         return self._interruption(name, joint, own)
+
+    def _disagree(self, time: FloatArray, joints: FloatArray, motors: FloatArray) -> bool:
+        """Whether a joint's encoder and what motors say of the joint (deg) differ by more than is allowed."""
+        *spikes, near = spikes_of(joints, motors, self.spike)
+        if np.ptp(motors) < _LEAST or any(one.number for one in spikes):
+            return True
+        found = errors_of(time, joints, motors, near)
+        return found.error > self.error or abs(1e3 * found.delay) > self.delay
+
+    def _end_if_another_motor(self, joint: int, own: _States) -> None:
+        """End a joint as inconclusive that disagrees with all of its motors together, and agrees with its own one."""
+        joints, motors, alone = own.joints[:, joint], own.motors[:, joint], own.alone[:, joint]
+        shares = self.transmission.sharing(joint) != {joint} and np.isfinite(alone).all()
+        if shares and self._disagree(own.time, joints, motors) and not self._disagree(own.time, joints, alone):
+            name = self.robot_part.names[joint]
+            self.inconclusive(
+                f"the encoder of {name} agrees with that of its own motor, and not with all that it shares; but "
+                f"{self._shared(joint) or 'none of these can be told'}"
+            )
 
     def _judge(self, joint: int, sweep: _Sweep) -> None:
         name, outcome = self.robot_part.names[joint], sweep.outcome
@@ -180,6 +198,7 @@ class JointSweep(JointsTest):
             why = f"{missing} of {len(finite)} states have no finite values" if missing else "its sweep is too short"
             self.assert_error_if_false(outcome.complaint, f"{name}: {why}; {likely_causes('frozen')}")
             return
+        self._end_if_another_motor(joint, own)
         if np.ptp(motors) < _LEAST:
             way = self.shown(float(np.ptp(joints)))
             text = f"{name}: its motor encoder stands still while the joint moves by {way}; {likely_causes('frozen')}"
@@ -198,6 +217,9 @@ class JointSweep(JointsTest):
                 name, joint, friction_profile(own.local[~near], joints[~near], duties[~near], sweep.moves)
             )
         if agree and not near.any() and joint in self.motors and np.isfinite(own.currents[:, joint]).all():
+            if shared := self._shared(joint):
+                self.report(f"the motor of {name} is not judged: {shared}")
+                return
             self._judge_motor(name, joint, own)
             self._judge_viscous_friction(name, joint, own, sweep.moves)
 
@@ -226,17 +248,23 @@ class JointSweep(JointsTest):
         )
         return found.error <= self.error
 
-    def _disturbance(self, joint: int) -> str:
+    def _shared(self, joint: int) -> str:
         """Return what is wrong with a joint that shares motors with one, and so disturbs it; "" if nothing is."""
         sharing = (self.transmission.sharing(joint) - {joint}) & self._sweeps.keys()
         return next((f"it shares motors: {text}" for one in sharing if (text := self._broken(one))), "")
+
+    def _disturbance(self, joint: int) -> str:
+        """Return what disturbs a joint: one that shares its motors, or any that jerks as its motor is interrupted."""
+        if found := limpness(self.robot_part, joint) or self._shared(joint):
+            return found
+        return next(filter(None, map(self._interrupted, sorted(self._sweeps.keys() - {joint}))), "")
 
     def _judge_friction(self, name: str, joint: int, found: FrictionProfile | None) -> None:
         if found is None:
             return
         self.measure("dry friction", found.friction, "%")
         most = max(found.sticky.more, found.blocked.more)
-        if most > self.friction and (excuse := limpness(self.robot_part, joint) or self._disturbance(joint)):
+        if most > self.friction and (excuse := self._disturbance(joint)):
             self.inconclusive(f"{name} needed {most:.1f} % of duty cycle more in one place; but {excuse}")
         more, where = found.sticky.more, self.shown(found.sticky.position, ".0f")
         hint = (
@@ -257,6 +285,11 @@ class JointSweep(JointsTest):
             duty=(found.duties, "%"),
             model=(found.model, "%"),
         )
+
+    def _interrupted(self, joint: int) -> str:
+        """Return that the motor of a joint had no current for moments of its sweep; "" if it had."""
+        moves = self._sweeps[joint].moves
+        return self._interruption(self.robot_part.names[joint], joint, self._states.between(moves[0][0], moves[-1][1]))
 
     def _interruption(self, name: str, joint: int, own: _States) -> str:
         """Return that the own motor of a joint has no current for moments; "" if it has, or is not known."""
@@ -322,7 +355,7 @@ class JointSweep(JointsTest):
         if found is not None:
             fastest = float(np.quantile(np.abs(np.gradient(found.positions, found.time)), _FASTEST))
             more, speed = found.viscous * fastest, self.shown(fastest, ".0f")
-            if more > self.viscous and (excuse := limpness(self.robot_part, joint)):
+            if more > self.viscous and (excuse := self._disturbance(joint)):
                 self.inconclusive(f"{name} needed {more:.0f} % of its torque more at {speed}/s; but {excuse}")
             hint = f"{name} needs {more:.0f} % of its torque more at {speed}/s than slowly; {likely_causes('viscous')}"
             self.measure("viscous friction", more, "%", high=self.viscous, hint=hint)
@@ -346,13 +379,15 @@ def _wrong_current(found: MotorModel) -> str:
 class _States(NamedTuple):
     """Recorded states: times (s), positions of joints by their own and by motor encoders (deg).
 
-    Of motors: duty cycles (%), currents (A), NaN if the board does not measure them, and speeds of rotors (deg/s).
+    ``motors`` are by all motors of a joint together, ``alone`` by its own motor and the encoders of other joints. Of
+    motors: duty cycles (%), currents (A), NaN if the board does not measure them, and speeds of rotors (deg/s).
     """
 
     time: FloatArray
     local: FloatArray
     joints: FloatArray
     motors: FloatArray
+    alone: FloatArray
     duties: FloatArray
     currents: FloatArray
     speeds: FloatArray
@@ -360,9 +395,10 @@ class _States(NamedTuple):
     @classmethod
     def of(cls, trace: Trace, transmission: Transmission) -> _States:
         motors = transmission.joints(trace.motor_positions)
+        alone = trace.positions + transmission.disagreement(trace.positions, trace.motor_positions)
         currents = trace.currents if trace.newest[1].valid[Field.CURRENTS] else np.full_like(motors, np.nan)
         speeds = trace.motor_velocities
-        return cls(trace.time, trace.local_time, trace.positions, motors, trace.duty_cycles, currents, speeds)
+        return cls(trace.time, trace.local_time, trace.positions, motors, alone, trace.duty_cycles, currents, speeds)
 
     def between(self, begin: float, end: float) -> _States:
         """Return the states of a time by the test's clock."""

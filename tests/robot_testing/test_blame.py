@@ -307,18 +307,22 @@ def hard_to_move() -> SimpleNamespace:
     )
 
 
-@pytest.mark.parametrize("broken", [None, 0, 1, 2])
-def test_effort_is_not_judged_while_one_that_shares_motors_is_broken(
-    bench: PartBench, said: list[Event], made: Callable[..., Any], broken: int | None
+@pytest.mark.parametrize(
+    ("broken", "jerking", "doubt"),
+    [(None, None, False), (0, 0, False), (1, None, True), (2, None, False), (None, 1, True), (None, 2, True)],
+)
+def test_effort_is_not_judged_while_another_joint_is_broken(
+    bench: PartBench, said: list[Event], made: Callable[..., Any], broken: int | None, jerking: int | None, doubt: bool
 ):
-    """What the sensors say against another joint disturbs those that share its motors, and no others."""
+    """What its sensors say disturbs those that share its motors, and no others; one that jerks disturbs all."""
     test = made("JointSweep")
     test.transmission = SimpleNamespace(sharing=lambda joint: {joint, 1})
     test._sweeps = {0: None, 1: None, 2: None}
     test._broken = {broken: "joint and motor encoder of a joint disagree"}.get
+    test._interrupted = {jerking: "the motor of a joint has no current in 5 of 100 states"}.get
     with test.subresult("joint0"):
         test._judge_friction("joint0", 0, hard_to_move())
-    assert verdicts(said) == {"joint0": Verdict.INCONCLUSIVE if broken == 1 else Verdict.FAILED}
+    assert verdicts(said) == {"joint0": Verdict.INCONCLUSIVE if doubt else Verdict.FAILED}
 
 
 @pytest.mark.parametrize("limp", [None, 0, 1])

@@ -78,6 +78,7 @@ class JointSwinger:
         self.tolerance = tolerance
         self.evidence: list[Evidence] = []
         self._doubts: dict[int, str] = {}
+        self._limp: dict[int, str] = {}  # of joints that were stopped: which others were without power then
 
     def lost(self, joint: int) -> bool:
         """Whether a joint was excluded."""
@@ -162,6 +163,7 @@ class JointSwinger:
     def _stopped(self, joint: int, error: GuardError) -> Outcome:
         """Exclude the joint that is to blame for a stop during the swings of a joint, and hold that one."""
         blamed, limp = self._note(error), limpness(self.part, joint)
+        self._limp |= {one: limpness(self.part, one) for one in blamed if not self.lost(one)}
         if joint not in blamed and self.part.guard is not None:
             self.part.guard.halt([joint])
         self.exclude(blamed)
@@ -227,7 +229,8 @@ class JointSwinger:
 
     def _lost_before(self, joint: int) -> Outcome:
         """Return the outcome of a joint that was excluded for another reason than this move."""
-        return Outcome(self._doubts.get(joint, "does not obey any more, and is excluded"), ("sign",))
+        text = self._doubts.get(joint, "does not obey any more, and is excluded")
+        return Outcome(text, ("sign",), limp=self._limp.get(joint, ""))
 
 
 def _unseen_outcomes(part: Part, unseen: dict[int, float]) -> dict[int, Outcome]:
