@@ -1,11 +1,16 @@
-"""The judgement of the currents of motors by JointSweep, for known states."""
+"""The judgement of motors, their currents and encoders, by JointSweep, for known states."""
 
 from __future__ import annotations
 
+import sys
+from contextlib import nullcontext
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+
+from rtf.robot_testing.guard.transmission import Transmission
+from rtf.testing.verdict import Inconclusive
 
 from .judging.test_motor_model import DRIVE, SUPPLY, states
 from .kept_test import kept_test
@@ -91,3 +96,25 @@ def test_noise_of_a_current_is_found_where_the_winding_is_known():
     assert not judged(
         duties + jumping, currents + jumping * SUPPLY / 100.0 / DRIVE.resistance, speeds, known=True
     ).failures
+
+
+@pytest.mark.parametrize("wrong", [None, 0, 1])
+def test_the_motor_encoder_of_a_neighbour_is_no_fault_of_a_joint(wrong: int | None):
+    """Both motors turn both joints: by both a joint disagrees if one of them is wrong, by its own one only then."""
+    coupled = Transmission(np.full(2, 100.0), np.array([[0.5, -0.5], [0.5, 0.5]]), ((0, 1), (0, 1)))
+    time = np.arange(0.0, 4.0, 0.01)
+    positions = np.column_stack([np.zeros(time.size), 30.0 * np.sin(2.0 * time)])
+    turns = coupled.rotors(positions)
+    if wrong is not None:
+        turns[:, wrong] *= 1.1
+    zeros = np.zeros_like(positions)
+    trace = SimpleNamespace(
+        time=time, local_time=time, positions=positions, motor_positions=turns, motor_velocities=zeros,
+        duty_cycles=zeros, currents=zeros, newest=(0.0, SimpleNamespace(valid=np.ones(32, dtype=bool))),
+    )  # fmt: skip
+    test = kept_test("JointSweep", transmission=coupled, robot_part=SimpleNamespace(names=["roll", "pitch"]))
+    test._sweeps = {0: None, 1: None}
+    test._broken = lambda joint: f"encoders of {test.robot_part.names[joint]} disagree" if joint == wrong else ""
+    states = sys.modules[type(test).__module__]._States.of(trace, coupled)
+    with pytest.raises(Inconclusive, match="encoders of roll disagree") if wrong == 0 else nullcontext():
+        test._end_if_another_motor(1, states)
