@@ -102,10 +102,11 @@ def _by_sensors(part: Part, until: float, transmission: Transmission, suspects: 
     duties = states.duty_cycles[chosen] * np.sign(gearbox)
     drive = Drive(time[chosen], duties, joints, motors / gearbox, coupling)
     found = found or drive_evidence(drive, part.names, suspects)
-    return found or [
-        *_by_modes(part, states.control_modes[chosen], suspects),
-        *swaying_evidence(drive, part.names),
-    ]
+    if found:
+        return found
+    limp = part.guard is not None and any(part.guard.is_excluded(joint) for joint in range(part.axes))
+    swaying = [] if limp else swaying_evidence(drive, part.names)  # a limp limb swings, and shakes the others
+    return [*_by_modes(part, states.control_modes[chosen], suspects), *swaying]
 
 
 def _by_modes(part: Part, modes: NDArray[np.int32], suspects: Collection[int]) -> list[Evidence]:
