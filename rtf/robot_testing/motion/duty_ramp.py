@@ -49,8 +49,9 @@ _MEAN_OF = 5
 #: First correction of the duty cycle against creep, %; it is halved each time it was too much.
 _CORRECTION = 1.0
 #: How often a duty cycle is tried that holds a joint, and the first change of one that does not, %. It is doubled while
-#: the joint goes the same way; between one for each way the middle is tried.
-_ATTEMPTS, _CHANGE = 8, 2.0
+#: the joint goes the same way; between one for each way the middle is tried. None differs more from the first one, %:
+#: what needs more is broken, and would be thrown.
+_ATTEMPTS, _CHANGE, _MOST_CHANGE = 8, 2.0, 15.0
 #: An unchanged duty cycle is sent again after this time, s, in case a command was lost.
 _REPEAT = 0.1
 #: Least motion that counts, deg of the joint: beyond the resolution of coarse encoders and the play of a gearbox.
@@ -214,19 +215,18 @@ class LimpMotor:
 
     def _can_be_held(self) -> Routine[bool]:
         """Find a duty cycle that holds the joint; return whether there is one. Its controller holds it between two."""
-        change, low, high = _CHANGE, -np.inf, np.inf
+        change, low, high, first = _CHANGE, -np.inf, np.inf, self.holding
         for _ in range(_ATTEMPTS):
             if (yield from self._correct_creep()):
                 return True
-            if not self._gave_way:
-                break
             low, high = (low, self.holding) if self._gave_way > 0.0 else (self.holding, high)
+            another = (low + high) / 2.0 if np.isfinite(high - low) else self.holding - self._gave_way * change
+            another = float(np.clip(another, first - _MOST_CHANGE, first + _MOST_CHANGE))
+            if not self._gave_way or not low < another < high:
+                break
+            change *= 2.0
             yield from self._hold_again()
-            if np.isfinite(high - low):
-                self.holding = (low + high) / 2.0
-            else:
-                self.holding -= self._gave_way * change
-                change *= 2.0
+            self.holding = another
             yield from self._enter()
         return False
 

@@ -166,10 +166,13 @@ def test_a_joint_that_gives_way_is_held_by_another_duty_cycle(off: float):
 
 
 def test_a_joint_without_its_motor_is_held_by_no_duty_cycle():
-    """It gives way as often as it is tried, by little, and is given up then."""
-    falling = Jittery(0.0, 1, creeps=8.0)
+    """It gives way each time, and is given up before the duty cycles could throw it."""
+    falling, driven = Jittery(0.0, 1, creeps=8.0), []
     falling.needed = 200.0
+    sent = falling.set_reference_duty_cycles
+    falling.set_reference_duty_cycles = lambda duties, motors: (driven.append(duties[0]), sent(duties, motors))
     assert not falling.whether(falling.motor._can_be_held())
+    assert max(driven) - 12.0 <= 16.0  # 15 and a correction
 
 
 @pytest.mark.parametrize(("creeps", "most"), [(20.0, 5.0), (0.004, 0.1)])
