@@ -156,17 +156,26 @@ class JointSweep(JointsTest):
 
     def _broken(self, joint: int) -> str:
         """Return what the sensors of a joint say against it; "" if nothing. It disturbs those that share its motors."""
-        name, moves = self.robot_part.names[joint], self._sweeps[joint].moves
-        own = self._states.between(moves[0][0], moves[-1][1])
+        name, own = self.robot_part.names[joint], self._own(joint)
         joints, motors = own.joints[:, joint], own.motors[:, joint]
         if len(joints) < _FEWEST or not np.isfinite(joints).all() or not np.isfinite(motors).all():
             return ""
         if self._disagree(own.time, joints, motors) and self._disagree(own.time, joints, own.alone[:, joint]):
             return f"joint and motor encoder of {name} disagree"
-        return self._interruption(name, joint, own)
+        return self._interruption(joint, own)
+
+    def _own(self, joint: int) -> _States:
+        """Return the states of a joint's sweep."""
+        moves = self._sweeps[joint].moves
+        return self._states.between(moves[0][0], moves[-1][1])
 
     def _disagree(self, time: FloatArray, joints: FloatArray, motors: FloatArray) -> bool:
-        """Whether a joint's encoder and what motors say of the joint (deg) differ by more than is allowed."""
+        """Whether a joint's encoder and what motors say of the joint (deg) differ by more than is allowed.
+
+        Motors do not agree with it where what they say depends on an encoder that shows nothing, and is not finite.
+        """
+        if not np.isfinite(motors).all():
+            return True
         *spikes, near = spikes_of(joints, motors, self.spike)
         if np.ptp(motors) < _LEAST or any(one.number for one in spikes):
             return True
@@ -176,7 +185,7 @@ class JointSweep(JointsTest):
     def _end_if_another_motor(self, joint: int, own: _States) -> None:
         """End a joint as inconclusive that disagrees with all of its motors together, and agrees with its own one."""
         joints, motors, alone = own.joints[:, joint], own.motors[:, joint], own.alone[:, joint]
-        shares = self.transmission.sharing(joint) != {joint} and np.isfinite(alone).all()
+        shares = self.transmission.sharing(joint) != {joint}
         if shares and self._disagree(own.time, joints, motors) and not self._disagree(own.time, joints, alone):
             name = self.robot_part.names[joint]
             self.inconclusive(
@@ -191,7 +200,7 @@ class JointSweep(JointsTest):
             self.inconclusive(verdict.text)
         if verdict is not None:
             self.check(condition=False, text=verdict.text)
-        own = self._states.between(sweep.moves[0][0], sweep.moves[-1][1])
+        own = self._own(joint)
         joints, motors = own.joints[:, joint], own.motors[:, joint]
         finite = np.isfinite(joints) & np.isfinite(motors)
         if (missing := int((~finite).sum())) or len(finite) < _FEWEST or np.ptp(joints) < _LEAST:
@@ -208,7 +217,7 @@ class JointSweep(JointsTest):
         for whose, spikes in (("joint", of_joint), ("motor", of_motor)):
             self._judge_spikes(name, whose, spikes)
         agree = self._judge_encoders(name, own.time, joints, motors, near)
-        text = self._interruption(name, joint, own)
+        text = self._interruption(joint, own)
         if not self.check_fail_if_true(text, f"{text}; {likely_causes(_LOOSE)}"):
             return  # what it needs more then is no friction
         duties = self.transmission.joint_duties(own.duties, joint)
@@ -288,17 +297,18 @@ class JointSweep(JointsTest):
 
     def _interrupted(self, joint: int) -> str:
         """Return that the motor of a joint had no current for moments of its sweep; "" if it had."""
-        moves = self._sweeps[joint].moves
-        return self._interruption(self.robot_part.names[joint], joint, self._states.between(moves[0][0], moves[-1][1]))
+        return self._interruption(joint, self._own(joint))
 
-    def _interruption(self, name: str, joint: int, own: _States) -> str:
+    def _interruption(self, joint: int, own: _States) -> str:
         """Return that the own motor of a joint has no current for moments; "" if it has, or is not known."""
         motor = self.motors.get(joint)
         columns = (own.duties[:, joint], own.currents[:, joint], own.speeds[:, joint])
         if motor is None or not motor.known or not all(np.isfinite(column).all() for column in columns):
             return ""
         wrong = wrong_motor(*columns, motor.drive, motor.supply)
-        return f"the motor of {name}: {wrong.text}" if wrong is not None and wrong.finding == _LOOSE else ""
+        if wrong is None or wrong.finding != _LOOSE:
+            return ""
+        return f"the motor of {self.robot_part.names[joint]}: {wrong.text}"
 
     def _judge_motor(self, name: str, joint: int, own: _States) -> None:
         """Compare the current of the joint's own motor with its duty cycle and its speed."""

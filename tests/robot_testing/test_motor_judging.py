@@ -118,3 +118,12 @@ def test_the_motor_encoder_of_a_neighbour_is_no_fault_of_a_joint(wrong: int | No
     states = sys.modules[type(test).__module__]._States.of(trace, coupled)
     with pytest.raises(Inconclusive, match="encoders of roll disagree") if wrong == 0 else nullcontext():
         test._end_if_another_motor(1, states)
+
+
+def test_an_encoder_that_shows_nothing_agrees_with_none():
+    """What motors say of a joint by the encoder of another one is not known then, and breaks nothing."""
+    test = kept_test("JointSweep")
+    time = np.arange(0.0, 4.0, 0.01)
+    joints = 30.0 * np.sin(2.0 * time)
+    assert not test._disagree(time, joints, joints)
+    assert test._disagree(time, joints, np.where(time == time[7], np.nan, joints))
