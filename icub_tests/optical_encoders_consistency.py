@@ -276,13 +276,9 @@ class OpticalEncodersConsistency(JointsTest):
 
         One whose swings were cut short says nothing about other motors: a count of its encoder is too much of its way.
         """
-        of_board = [one for one in self.chosen if one in self.transmission.blocks[joint]]
-        whole = [
-            (one, self._swings[one].trace)
-            for one in of_board
-            if one == joint or not self._swings[one].outcome.complaint
-        ]
-        return [one for one, trace in whole if len(trace) and np.ptp(trace.positions[:, one]) >= _SWUNG]
+        of_board = {one: self._swings[one] for one in self.chosen if one in self.transmission.blocks[joint]}
+        whole = {one: swing.trace for one, swing in of_board.items() if one == joint or not swing.outcome.complaint}
+        return [one for one, trace in whole.items() if len(trace) and np.ptp(trace.positions[:, one]) >= _SWUNG]
 
     def _judge_ratios(self, joint: int, ratios: dict[int, Slopes], limit: float) -> None:
         """Judge the motor's row of the couplings against the configuration."""

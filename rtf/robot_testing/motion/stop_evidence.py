@@ -104,7 +104,7 @@ def _by_sensors(part: Part, until: float, transmission: Transmission, suspects: 
     found = found or drive_evidence(drive, part.names, suspects)
     if found:
         return found
-    limp = part.guard is not None and any(part.guard.is_excluded(joint) for joint in range(part.axes))
+    limp = part.guard is not None and part.guard.excluded
     swaying = [] if limp else swaying_evidence(drive, part.names)  # a limp limb swings, and shakes the others
     return [*_by_modes(part, states.control_modes[chosen], suspects), *swaying]
 
