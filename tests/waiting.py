@@ -6,10 +6,20 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import psutil
+
 from rtf import clock
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+
+def alive(pid: int) -> bool:
+    """Whether a process lives, as more than a zombie; it may end while it is asked for."""
+    try:
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
 
 
 def open_descriptors() -> int:

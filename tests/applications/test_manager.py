@@ -19,7 +19,6 @@ from rtf.applications.connections import Link
 from rtf.applications.errors import ApplicationError
 from rtf.applications.events import Kind, State
 from rtf.applications.manager import LOOK
-from rtf.applications.run.members import look_at
 from rtf.applications.run.server import RunServer
 from rtf.bottle import Bottle
 from rtf.middleware.naming.client import RemoteNames
@@ -31,18 +30,12 @@ from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.port import Port
 from rtf.middleware.ports.rpc import RpcServer
 from rtf.middleware.wire.contact import Contact
-from waiting import eventually
+from waiting import alive, eventually
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 ONE_CONNECTION = "<connection><from>/a</from><to>/b</to></connection>"
-
-
-def alive(pid: int) -> bool:
-    """Whether a process lives, as more than a zombie."""
-    found = look_at(pid)
-    return found is not None and not found.zombie
 
 
 def test_modules_run_here_and_on_a_node_and_are_stopped(tmp_path: Path):

@@ -31,7 +31,7 @@ from rtf.middleware.ports.buffered import BufferedPort
 from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.port import Port
 from rtf.middleware.wire.contact import Contact
-from waiting import eventually
+from waiting import alive, eventually
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -69,14 +69,6 @@ def start(node: Node, tag: str, command: str, **more: object) -> int:
     reply = node.client.start(Start(tag, command, **more))  # type: ignore[arg-type]
     assert reply.pid > 0, reply.text
     return reply.pid
-
-
-def alive(pid: int) -> bool:
-    """Whether a process lives, as more than a zombie."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
 
 
 class TestPrograms:

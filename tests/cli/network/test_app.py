@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING
 import pytest
 
 from lab import module, needs, shell
-from rtf.applications.run.members import look_at
 from rtf.cli.command_tree import RTF, main
 from rtf.testing.isolation.processes import children_of
-from waiting import eventually
+from waiting import alive, eventually
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -58,12 +57,6 @@ def manager(folder: Path) -> int:
     """Return the process of the manager that runs the application; 0 without one."""
     files = [*(folder / "state" / "rtf" / "apps").glob("*.json")]
     return int(files[0].read_text() or 0) if files else 0
-
-
-def alive(pid: int) -> bool:
-    """Whether a process lives, as more than a zombie."""
-    found = look_at(pid)
-    return found is not None and not found.zombie
 
 
 def up(net: Net, file: str, *words: str) -> Tool:

@@ -11,20 +11,13 @@ import pytest
 
 from lab import module
 from live_page import Page
-from rtf.applications.run.members import look_at
 from rtf.testing.isolation.processes import children_of
-from waiting import eventually
+from waiting import alive, eventually
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from conftest import Net, Tool
-
-
-def alive(pid: int) -> bool:
-    """Whether a process lives, as more than a zombie."""
-    found = look_at(pid)
-    return found is not None and not found.zombie
 
 
 class Served:

@@ -12,7 +12,7 @@ import pytest
 
 from rtf.cli.command_tree import RTF, main
 from rtf.testing.isolation.processes import children_of
-from waiting import eventually
+from waiting import alive, eventually
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -61,12 +61,6 @@ def start(ask: Callable[..., Said], tag: str, *words: str) -> int:
     said = ask("--on", "/node", "--as", tag, *words)
     assert said.code == 0, said.err
     return int(said.out.rpartition("pid=")[2])
-
-
-def alive(*pids: int) -> list[int]:
-    """Those of these processes that live, as more than zombies."""
-    states = {pid: Path(f"/proc/{pid}/status") for pid in pids}
-    return [pid for pid, path in states.items() if path.exists() and not re.search("State:\tZ", path.read_text())]
 
 
 def family_of(pid: int) -> list[int]:
@@ -144,7 +138,7 @@ def test_terminal(net: Net, ask: Callable[..., Said], tmp_path: Path, monkeypatc
         eventually(lambda: screen.exists() and screen.read_text() == "begun\nhello\n", "the screen is empty", 20.0)
         assert ask("--on", "/node", "--ps").out.startswith(f"(pid {program}) (tag io)")
         assert ask("--on", "/node", "--sigterm", "io").code == 0
-        eventually(lambda: not alive(program, opener), "the terminal is left")
+        eventually(lambda: not any(map(alive, (program, opener))), "the terminal is left")
     assert node.end() == 0
 
 
@@ -162,15 +156,15 @@ def test_killed_nodes(net: Net, ask: Callable[..., Said]):
                 os.kill(pid, signal.SIGKILL)
         node.wait()
         if victims != "server and keeper":
-            eventually(lambda ending=ending: not alive(*ending), f"the {victims} left something")
+            eventually(lambda ending=ending: not any(map(alive, ending)), f"the {victims} left something")
         assert alive(held)
         node = opened(net)
-        eventually(lambda ending=ending: not alive(*ending), "the next node left something")
+        eventually(lambda ending=ending: not any(map(alive, ending)), "the next node left something")
         assert f"found held ({held}) again: sleep 60" in node.stdout.splitlines()
         assert ask("--on", "/node", "--ps").out.startswith(f"(pid {held}) (tag held) (status running)")
     program = start(ask, "family", "--cmd", FAMILY)
     eventually(lambda: len(family_of(program)) == 3, "the family is not complete")
     ending = family_of(program)
     assert node.end(signal.SIGTERM) == 0
-    assert (alive(*ending), alive(held)) == ([], [held])
+    assert ([*filter(alive, ending)], alive(held)) == ([], True)
     os.kill(held, signal.SIGKILL)

@@ -22,6 +22,7 @@ from rtf.testing.languages.executable import ExecutableTest
 from rtf.testing.languages.program import LineCutter
 from rtf.testing.plugins import PluginRef
 from rtf.testing.session import Session
+from waiting import alive
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -458,14 +459,6 @@ def stoppable(tmp_path: Path):
     for process in started:
         with process:
             process.kill()
-
-
-def alive(pid: int) -> bool:
-    """Return whether a process runs."""
-    try:
-        return "\nState:\tZ" not in Path(f"/proc/{pid}/status").read_text()
-    except OSError:
-        return False
 
 
 def test_a_stop_ends_the_program_first(stoppable: Callable[..., subprocess.Popen[bytes]], write: Callable[..., Path]):
