@@ -12,7 +12,7 @@ from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.joints_test import JointsTest
 from rtf.robot_testing.judging.encoder_errors import Spikes, errors_of, spikes_of
 from rtf.robot_testing.judging.friction_profile import friction_profile
-from rtf.robot_testing.judging.motor_model import TOLERANCE, UNEVEN, motor_model, wrong_motor
+from rtf.robot_testing.judging.motor_model import LOOSE_CONTACT, TOLERANCE, UNEVEN, motor_model, wrong_motor
 from rtf.robot_testing.judging.statistics import jitter
 from rtf.robot_testing.judging.step_response import with_noise
 from rtf.robot_testing.motion.joint_swings import JointSwinger, Outcome, ends_of
@@ -43,8 +43,6 @@ _FEWEST = 50
 _SIGN = 1.0
 #: The share of the states that are slower than the greatest speed, which noise exceeds now and then.
 _FASTEST = 0.98
-#: What is wrong with a motor whose current is interrupted.
-_LOOSE = "loose contact"
 #: A current of less than this share of what the duty cycle drives does not follow it.
 _FOLLOWS = 0.1
 
@@ -218,7 +216,7 @@ class JointSweep(JointsTest):
             self._judge_spikes(name, whose, spikes)
         agree = self._judge_encoders(name, own.time, joints, motors, near)
         text = self._interruption(joint, own)
-        if not self.check_fail_if_true(text, f"{text}; {likely_causes(_LOOSE)}"):
+        if not self.check_fail_if_true(text, f"{text}; {likely_causes(LOOSE_CONTACT)}"):
             return  # what it needs more then is no friction
         duties = self.transmission.joint_duties(own.duties, joint)
         if np.isfinite(duties).all():
@@ -306,7 +304,7 @@ class JointSweep(JointsTest):
         if motor is None or not motor.known or not all(np.isfinite(column).all() for column in columns):
             return ""
         wrong = wrong_motor(*columns, motor.drive, motor.supply)
-        if wrong is None or wrong.finding != _LOOSE:
+        if wrong is None or wrong.finding != LOOSE_CONTACT:
             return ""
         return f"the motor of {self.robot_part.names[joint]}: {wrong.text}"
 

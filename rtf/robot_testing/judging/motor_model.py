@@ -34,6 +34,8 @@ _CERTAIN = 0.05
 _LEFT = 0.3
 #: Noise of a current sensor that is no current, in standard deviations.
 _OUTSIDE = 3.0
+#: The finding on a motor that has no current for moments.
+LOOSE_CONTACT = "loose contact"
 #: States without a current that are a loose contact; the least current that they lack, as a share of that by the whole
 #: supply at rest; and the share of the currents that has to flow otherwise, or the sensor is at fault.
 _MOMENTS, _HARD, _FLOWS = 3, 0.4, 0.5
@@ -134,9 +136,7 @@ def _interrupted(
     rest = ~off & (np.abs(driven) > noise)
     if off.sum() < _MOMENTS or not rest.any() or not np.median(currents[rest] / driven[rest]) > _FLOWS:
         return None
-    return WrongMotor(
-        f"it has no current in {off.sum()} of {len(off)} states, and a duty cycle for one", "loose contact"
-    )
+    return WrongMotor(f"it has no current in {off.sum()} of {len(off)} states, and a duty cycle for one", LOOSE_CONTACT)
 
 
 def _lasting(states: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -9,7 +9,7 @@ import numpy as np
 from rtf.robot.errors import NotSupportedError, RefusedError
 from rtf.robot.extended_state import Field
 from rtf.robot_testing.judging.blame import Evidence, Strength, accused
-from rtf.robot_testing.judging.motor_model import wrong_motor
+from rtf.robot_testing.judging.motor_model import LOOSE_CONTACT, wrong_motor
 from rtf.robot_testing.motion.stop_evidence import stop_evidence
 
 if TYPE_CHECKING:
@@ -76,11 +76,11 @@ def disturbance(part: Part, joint: int, model: RobotModel, *, simulated: bool) -
     """Return what disturbs a joint: another one that is broken or limp; "" if none is, or this joint is accused.
 
     A value out of bounds is no fault of a joint that another one shook meanwhile, or that a limp one carries, or that
-    shares a motor which does not give what its drive says.
+    shares a motor which does not give what its drive says. One whose motor is interrupted shakes all of them.
     """
-    sharing = [joint] if part.guard is None else [joint, *part.guard.coupled_with(joint)]
-    motors = known_motors(part, model, sharing, simulated=simulated)
-    found = [*stop_evidence(part), *motor_evidence(part, motors)]
+    sharing = {joint} if part.guard is None else {joint, *part.guard.coupled_with(joint)}
+    motors = motor_evidence(part, known_motors(part, model, range(part.axes), simulated=simulated))
+    found = [*stop_evidence(part), *(one for one in motors if one.joints & sharing or LOOSE_CONTACT in one.findings)]
     wrong = accused(one for one in found if one.strength is Strength.CERTAIN)
     if joint in wrong:
         return ""
