@@ -128,7 +128,7 @@ class CameraMotion(StreamTest):
                 self._judge(name, port, found[name])
         for one, other in self.turns.alike(_SAME_WAY):
             with self.subresult(f"{self.ports[one]} and {self.ports[other]}"):
-                self._compare(one, other, looks[0].pictures)
+                self._compare_colours(one, other, looks[0].pictures)
 
     @staticmethod
     def _look(last: dict[str, NDArray[np.uint8]], name: str, dialect: Dialect, data: bytes) -> None:
@@ -145,7 +145,7 @@ class CameraMotion(StreamTest):
             after = self._seen(part)
             bring(self, part, [joint], [home], speed=self.speed)
         except GuardError as error:
-            self.blame(error, "does not move")
+            self.blame(part, error, "does not move", joints=[joint])
         return before, after
 
     def _seen(self, part: Part) -> _Look:
@@ -194,7 +194,7 @@ class CameraMotion(StreamTest):
         )
         self.measure("way of the pictures", share, "%", 100.0 - self.tolerance, 100.0 + self.tolerance, hint=hint)
 
-    def _compare(self, one: str, other: str, pictures: dict[str, NDArray[np.uint8]]) -> None:
+    def _compare_colours(self, one: str, other: str, pictures: dict[str, NDArray[np.uint8]]) -> None:
         """Compare the mean colours of two cameras that see the same scene."""
         means = [pictures[name].reshape(-1, 3).mean(axis=0) / 2.55 for name in (one, other)]
         apart = np.abs(means[0] - means[1])

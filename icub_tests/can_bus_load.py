@@ -66,9 +66,9 @@ class CanBusLoad(CanTest):
             for board in boards:
                 with self.subresult(f"{channel}:{board.address}"):
                     self._judge_board(bus, traffic, board)
-            for board in set(self.addresses(channel)) - versions[channel].keys():
-                with self.subresult(f"{channel}:{board}"):
-                    self.assert_fail(f"{self.named(channel, board)} does not answer; {likely_causes('board silent')}")
+            for address in set(self.addresses(channel)) - versions[channel].keys():
+                with self.subresult(f"{channel}:{address}"):
+                    self.assert_fail(f"{self.named(channel, address)} does not answer; {likely_causes('board silent')}")
         self._judge_host(before, after)
 
     # A bus -------------------------------------------------------------------------------------------------------

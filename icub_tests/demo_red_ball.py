@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -34,9 +34,14 @@ from rtf.robot_testing.robot_name import robot_model
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from rtf.middleware.types.codecs import Codec
     from rtf.robot.device import Device
     from rtf.robot.interfaces import FloatArray
     from rtf.robot.kinematics import Pinhole
+
+T = TypeVar("T")
 
 _EYES = ("left", "right")
 _PARTS = ("torso", "head", "left_arm", "right_arm")
@@ -137,7 +142,7 @@ class DemoRedBall(RobotTest):
             )
         self.parts = {name: self.open_part(name) for name in _PARTS}
         self.cameras = cameras_of(robot)
-        self.scenes: list[tuple[dict[str, float], FloatArray, object]] = []
+        self.scenes: list[tuple[dict[str, float], FloatArray, NDArray[np.uint8] | None]] = []
         self.opened = ExitStack()
         self.add_cleanup(self.opened.close)
         self.asking = self.opened.enter_context(ThreadPoolExecutor(1, thread_name_prefix="rtf-asking"))
@@ -149,12 +154,12 @@ class DemoRedBall(RobotTest):
     def _connect(self) -> None:
         self.camera = self._optics(self.ports["left"])
         self.pictures = {eye: self._reader(f"{eye}-eye", port, IMAGE) for eye, port in self.ports.items()}
-        self.looking = self._client("gazecontrollerclient", self.gaze).view(IGazeControl)
+        self.looking = self._client("gazecontrollerclient", self.gaze).view(IGazeControl)  # type: ignore[type-abstract]  # it is only looked for
+        arms = {hand: f"/{self.robot_name}/cartesianController/{hand}_arm" for hand in self.hands}
+        reaching = {hand: self._client("cartesiancontrollerclient", remote) for hand, remote in arms.items()}
         self.reaching = {
-            hand: self._client("cartesiancontrollerclient", f"/{self.robot_name}/cartesianController/{hand}_arm").view(
-                ICartesianControl
-            )
-            for hand in self.hands
+            hand: client.view(ICartesianControl)  # type: ignore[type-abstract]  # it is only looked for
+            for hand, client in reaching.items()
         }
         self.scene = SceneBall.find(self.robot_name, self.network, self.opened)
         if self.scene is not None:
@@ -164,13 +169,13 @@ class DemoRedBall(RobotTest):
         self._start("demo", self.demo, f"{self.demo}/rpc", folder)
         self.rpc = self.opened.enter_context(RpcClient("", f"{self.demo}/rpc", network=self.network))
         self.opened.callback(self._stop)
-        self.shown = self._reader("objects", f"{self.demo}/gui:o")
+        self.objects = self._reader("objects", f"{self.demo}/gui:o", BOTTLE)
 
     def _client(self, kind: str, remote: str) -> Device:
         where = {"remote": remote, "carrier": "tcp", "timeout": 1.0}
         return self.opened.enter_context(closing(make_device(kind, Property(where), network=self.network)))
 
-    def _reader(self, name: str, source: str, codec: object = BOTTLE) -> LatestMessage:
+    def _reader(self, name: str, source: str, codec: Codec[T]) -> LatestMessage[T]:
         reader = LatestMessage(f"{unique_local(self.demo)}/{name}", codec, timeout=1.0, network=self.network)
         self.opened.callback(reader.close)
         reader.connect(source, "tcp")
@@ -191,13 +196,14 @@ class DemoRedBall(RobotTest):
         self.add_cleanup(lambda: self.attach(log.read_bytes(), log.name, "text/plain") if log.exists() else None)
         self.opened.enter_context(child_program(words, port, log, network=self.network, wait=lambda: self.sleep(_ROW)))
 
-    def _ask(self, *words: str | float) -> Bottle:
+    def _request(self, *words: str | float) -> Bottle:
         """Ask the demonstration, while time passes. The test fails for a refusal."""
         asked = self.asking.submit(self.rpc.call, Bottle(list(words)))
         while not asked.done():
             self._watch()
         reply = asked.result()
-        self.assert_fail_if_true(reply is None, f"{self.demo}/rpc has not answered {words[0]}")
+        if reply is None:
+            self.assert_fail(f"{self.demo}/rpc has not answered {words[0]}")
         self.assert_true(reply.get(0) == Vocab("ok"), f"{self.demo} has refused {words[0]}: {as_string(reply.get(1))}")
         return reply
 
@@ -219,7 +225,7 @@ class DemoRedBall(RobotTest):
             self.progress((number + 1) / (len(self.hands) + 1), f"the {hand} hand")
             with self.subresult(f"{hand} hand"):
                 self._judge_reach(hand, self._reach(hand))
-            self._ask("stop")
+            self._request("stop")
             with self.subresult(f"home after {hand}"):
                 self._judge_home(hand)
         if self.film:
@@ -227,9 +233,9 @@ class DemoRedBall(RobotTest):
 
     def _judge_eyes(self) -> None:
         """Compare the pictures of both eyes at two places of the ball."""
-        self._ask("update_pose", 0.0, 0.0, 0.0)
+        self._request("update_pose", 0.0, 0.0, 0.0)
         before = self._look()
-        self._ask("update_pose", *_MOVED)
+        self._request("update_pose", *_MOVED)
         after = self._look()
         still = [self.ports[eye] for eye in frozen(before, after)]
         self.assert_fail_if_true(
@@ -242,10 +248,12 @@ class DemoRedBall(RobotTest):
             f"{self.ports['left']} and {self.ports['right']} show what the other one should; "
             f"{likely_causes('cameras swapped')}",
         )
-        missing = [self.ports[eye] for eye, seen in zip(_EYES, after, strict=True) if seen is None]
-        self.assert_fail_if_true(missing, f"{', '.join(missing)} does not show the ball")
-        found = locate(*after, self.camera, across)
-        self.assert_fail_if_true(found.problem, f"{found.problem}; {likely_causes('eyes')}")
+        if after.left is None or after.right is None:
+            missing = [self.ports[eye] for eye, seen in zip(_EYES, after, strict=True) if seen is None]
+            self.assert_fail(f"{', '.join(missing)} does not show the ball")
+        found = locate(after.left, after.right, self.camera, across)
+        if found.place is None:
+            self.assert_fail(f"{found.problem}; {likely_causes('eyes')}")
         self._judge_place("by the eyes", in_root(found.place, poses[0]))
 
     def _judge_place(self, name: str, place: FloatArray) -> None:
@@ -264,7 +272,8 @@ class DemoRedBall(RobotTest):
         seen = []
         for eye in _EYES:
             latest = self.pictures[eye].latest
-            self.assert_fail_if_true(latest is None, f"no picture of {self.ports[eye]} came in {_PICTURES:g} s")
+            if latest is None:
+                self.assert_fail(f"no picture of {self.ports[eye]} came in {_PICTURES:g} s")
             seen.append(find_ball(latest.value.to("rgb").pixels, self.camera, self.radius))
         return Look(*seen)
 
@@ -285,8 +294,8 @@ class DemoRedBall(RobotTest):
     def _reach(self, hand: str) -> _Reach:
         """Put the ball before a hand, start, and record until both gaze and hand are there, or time is up."""
         side = -1.0 if hand == "left" else 1.0
-        self._ask("update_pose", 0.0, side * self.aside, -self.below)
-        self._ask("start", 0.0, -50.0, 10.0)
+        self._request("update_pose", 0.0, side * self.aside, -self.below)
+        self._request("start", 0.0, -50.0, 10.0)
         found, begin, arrived = _Reach(), self.now(), None
         while self.now() < begin + self.timeout and (arrived is None or self.now() < arrived + _REST):
             self._watch()
@@ -312,14 +321,14 @@ class DemoRedBall(RobotTest):
 
     def _shown_ball(self) -> FloatArray | None:
         """Return where the demonstration says that the ball is (m)."""
-        latest = self.shown.latest
+        latest = self.objects.latest
         if latest is None or as_string(latest.value.get(0)) != "object":
             return None
         return np.array([as_float(latest.value.get(place)) for place in (5, 6, 7)]) / 1e3
 
     def _judge_reach(self, hand: str, found: _Reach) -> None:
         if not found.times:
-            status = self._ask("status")
+            status = self._request("status")
             self.assert_fail(f"the ball was not seen: {as_string(status.get(2))}; {likely_causes('eyes')}")
         gaze, reach = found.away("gaze"), found.away("hand")
         self.record("distances from the ball", t=(found.times, "s"), gaze=(gaze, "m"), hand=(reach, "m"))

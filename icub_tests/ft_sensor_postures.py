@@ -76,9 +76,9 @@ class FtSensorPostures(StreamTest):
     def setup(self) -> None:
         """Find the sensors, and open the parts above them."""
         super().setup()
-        self.robot = robot_model(self)
+        self.model = robot_model(self)
         try:
-            self.weights = WeightModel(self.robot)
+            self.weights = WeightModel(self.model)
         except MissingPackageError as error:
             self.assert_error(f"the weights of the links are needed: {error}")
         self.found = [
@@ -91,12 +91,12 @@ class FtSensorPostures(StreamTest):
             f"/{self.robot_name} has no force-torque sensor with a known place"
             + (f" among {', '.join(self.sensors)}" if self.sensors else ""),
         )
-        for name in dict.fromkeys(name for sensor in self.found for name in parts_above(self.robot, sensor.place)):
+        for name in dict.fromkeys(name for sensor in self.found for name in parts_above(self.model, sensor.place)):
             self.open_part(name).set_mode(ControlMode.POSITION)
 
     def _can_move(self, sensor: _Sensor) -> bool:
         """Return whether all parts above a sensor are there; say so if not."""
-        names = [f"/{self.robot_name}/{part}" for part in parts_above(self.robot, sensor.place)]
+        names = [f"/{self.robot_name}/{part}" for part in parts_above(self.model, sensor.place)]
         missing = [name for name in names if self.network.names.query(f"{name}/stateExt:o") is None]
         if missing:
             self.report(f"{sensor.name} is not judged: there is no {', '.join(missing)}")
@@ -107,18 +107,18 @@ class FtSensorPostures(StreamTest):
         found: dict[str, _Sensor] = {}
         for port in self.known_ports(_ENDING):
             place = port.removesuffix(_ENDING).rpartition("/")[2]
-            if parts_above(self.robot, place):
+            if parts_above(self.model, place):
                 found[place] = _Sensor(port, port, place, None)
         for port in self.known_ports(MEASURES):
             for number, name in enumerate(names_of(self.network, port, SensorCategory.FORCE_TORQUE)):
-                if place := place_of(self.robot, name):
+                if place := place_of(self.model, name):
                     found.setdefault(place, _Sensor(name, port, place, number))
         return list(found.values())
 
     def run(self) -> None:
         """Move part by part; all sensors that its joints carry are measured meanwhile. Then judge each sensor."""
         there = [sensor for sensor in self.found if self.open_stream(sensor.port, keep=True)]
-        parts = [parts_above(self.robot, sensor.place)[-1] for sensor in there]
+        parts = [parts_above(self.model, sensor.place)[-1] for sensor in there]
         for number, name in enumerate(dict.fromkeys(parts)):
             self.progress(number / len({*parts}), name)
             sensors = [sensor for sensor, part in zip(there, parts, strict=True) if part == name]
@@ -136,15 +136,15 @@ class FtSensorPostures(StreamTest):
         joints = sorted({joint for sensor in sensors for joint in self._telling(part, sensor)})
         self.assert_error_if_false(joints, f"no joint of {part.name} changes the loads of its sensors enough")
         rows = [self._posture(part, sensors)]
-        try:
-            for joint in joints:
+        for joint in joints:
+            try:
                 for goal in self._goals(part, joint):
                     bring(self, part, [joint], [goal], speed=self.speed)
                     part.wait(_REST)
                     rows.append(self._posture(part, sensors))
                 bring(self, part, [joint], [part.home[joint]], speed=self.speed)
-        except GuardError as error:
-            self.blame(error, "does not move")
+            except GuardError as error:
+                self.blame(part, error, "does not move", joints=[joint])
         self.assert_error_if_true(len(rows) < _FEWEST_POSTURES, f"the limits of {part.name} leave {len(rows)} postures")
         return rows
 
@@ -193,7 +193,7 @@ class FtSensorPostures(StreamTest):
 
     def _expected(self, sensor: _Sensor) -> FloatArray:
         """Return the load of a sensor at the present positions, by the model."""
-        for name in parts_above(self.robot, sensor.place):
+        for name in parts_above(self.model, sensor.place):
             part = self.open_part(name)
             self.weights.set(part.names, in_units(part.board, part.board.encoders()))
         try:

@@ -136,11 +136,11 @@ class OpticalEncodersConsistency(JointsTest):
         self.transmission = self.read_transmission()
         self.speeds = self.per_joint("speed", self.speed, self.chosen)
         widths = self.per_joint("swing", self.swing, self.chosen)
-        lows = self.per_joint("min", self.low, self.chosen) if self.low else None
-        highs = self.per_joint("max", self.high, self.chosen) if self.high else None
+        lows = self.per_joint("min", self.low, self.chosen) if self.low else [None] * len(self.chosen)
+        highs = self.per_joint("max", self.high, self.chosen) if self.high else [None] * len(self.chosen)
         self.ends = [
-            ends_of(part, joint, widths[place], lows and lows[place], highs and highs[place])
-            for place, joint in enumerate(self.chosen)
+            ends_of(part, joint, width, low, high)
+            for joint, width, low, high in zip(self.chosen, widths, lows, highs, strict=True)
         ]
         self.swinger = JointSwinger(part, self.transmission, tolerance=self.tolerance)
         self.swinger.begin(self.hold)

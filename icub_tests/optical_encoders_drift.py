@@ -113,7 +113,7 @@ class OpticalEncodersDrift(JointsTest):
             self._visit(visits, done)
             apart = self._apart(visits)
             columns = zip(self.chosen, apart, strict=True)
-            series.append(done, *(self.robot_part.column(joint, drift)[0] for joint, drift in columns))
+            series.append(done, *(float(self.robot_part.column(joint, drift)[0]) for joint, drift in columns))
             largest = float(np.fmax.reduce(np.abs(apart)))  # of the finite values
             self.progress(done / self.cycles, f"largest drift {largest:.3f} deg")
             if self._hopeless(largest):

@@ -20,8 +20,6 @@ from rtf.robot_testing.motion.pid import DiscretePid
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Part, Trace
     from rtf.robot_testing.motion.routines import Routine
@@ -112,11 +110,10 @@ class PositionControlAccuracyExternalPid(CoupledStepTest):
         # The effect of the motor's duty cycle on its joint: its sign, and the coupling.
         diagonal = np.diagonal(gears.coupling)
         self.effects = effects = np.sign(gears.gearbox) * np.where(diagonal, diagonal, 1.0)
-        gains = [self._gains(part, joint, float(effects[joint])) for joint in self.chosen]
+        gains = np.array([self._gains(part, joint, float(effects[joint])) for joint in self.chosen])
         for place, (name, given) in enumerate((("Kp", self.kp), ("Ki", self.ki), ("Kd", self.kd))):
             if given:
-                values = self.per_joint(name, given, self.chosen)
-                gains = [(*one[:place], values[at], *one[place + 1 :]) for at, one in enumerate(gains)]
+                gains[:, place] = self.per_joint(name, given, self.chosen)
         for joint, one in zip(self.chosen, gains, strict=True):
             self._require_plausible(part.names[joint], one)
         self.ways = np.sign(effects)
@@ -124,7 +121,7 @@ class PositionControlAccuracyExternalPid(CoupledStepTest):
         #: By joint: the controllers that hold the joints coupled with it, with equal stiffness.
         self.holders = {
             joint: {
-                other: self._controller([gain * effects[joint] / effects[other] for gain in one])
+                other: self._controller(one * effects[joint] / effects[other])
                 for other in gears.coupled(joint)
                 if other != joint
             }
@@ -134,10 +131,10 @@ class PositionControlAccuracyExternalPid(CoupledStepTest):
         #: By joint: the commands of its cycle, as pairs of time (s) and duty cycle (%).
         self.sent: dict[int, list[tuple[float, float]]] = {joint: [] for joint in self.chosen}
 
-    def _controller(self, gains: Sequence[float]) -> DiscretePid:
-        return DiscretePid(*gains, limit=self.most, kick=_KICK)
+    def _controller(self, gains: FloatArray) -> DiscretePid:
+        return DiscretePid(*map(float, gains), limit=self.most, kick=_KICK)
 
-    def _require_plausible(self, name: str, gains: tuple[float, ...]) -> None:
+    def _require_plausible(self, name: str, gains: FloatArray) -> None:
         wrong = [
             f"{key} {value:g}, more than {most:g}"
             for key, value, most in zip(("Kp", "Ki", "Kd"), gains, _MOST_GAINS, strict=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -192,13 +193,14 @@ class PositionDirect(RobotTest):
         for probe in range(_PROBES):
             wanted = self.middle + (_PROBE if probe % 2 else -_PROBE)
             self._send(part, form, wanted)
-            part.wait_to_arrive(
-                lambda wanted=wanted: not self._missing(part, wanted).any(), _PROBE_TIME, pace=_PROBE_TIME
-            )
+            part.wait_to_arrive(partial(self._have_arrived, part, wanted), _PROBE_TIME, pace=_PROBE_TIME)
             lost += self._missing(part, wanted)
         self._send(part, form, self.middle)
         part.wait(_PROBE_TIME, pace=_PROBE_TIME)
         return lost
+
+    def _have_arrived(self, part: Part, wanted: FloatArray) -> bool:
+        return not self._missing(part, wanted).any()
 
     def _missing(self, part: Part, wanted: FloatArray) -> NDArray[np.bool_]:
         """Return which joints have another reference at the board."""
@@ -277,8 +279,8 @@ class PositionDirect(RobotTest):
             *(self._taken(name, column, run) if len(run.taken) else ()),
         )
         metres = in_metres(self.robot_part.board, joint)
-        values = [value.scaled(*converted(metres, value.symbol)) for value in values]
-        judge_values(self, name, values, loop_delay(run.sent_at, self.sample_time))
+        scaled = [value.scaled(*converted(metres, value.symbol)) for value in values]
+        judge_values(self, name, scaled, loop_delay(run.sent_at, self.sample_time))
 
     def _most_shape(self, joint: int, time: FloatArray, reference: FloatArray, whole: NDArray[np.bool_]) -> float:
         """Return the greatest shape error: that of the parameter, and what friction adds to it, as variances add up."""

@@ -235,7 +235,7 @@ class RgbdTest(RateTest):
         self, part: RgbdPart, projection: Intrinsics, size: tuple[int, int], angles: tuple[float, float]
     ) -> None:
         share = self.optics_tolerance / 100.0
-        for axis, focal, pixels, angle in zip("xy", projection, size, angles, strict=False):
+        for axis, focal, pixels, angle in zip("xy", projection[:2], size, angles, strict=True):
             wanted = pixels / 2.0 / math.tan(math.radians(angle) / 2.0)
             hint = f"{angle:g} deg in {pixels} pixels are a focal length of {wanted:.1f}; {likely_causes('intrinsics')}"
             low, high = wanted * (1.0 - share), wanted * (1.0 + share)

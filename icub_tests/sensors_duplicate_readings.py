@@ -143,13 +143,14 @@ class SensorsDuplicateReadings(StreamTest):
 
     def _judge_channels(self, port: str, values: FloatArray) -> None:
         names = channels_of(self.network, port, values.shape[1])
-        nothing = [name for name, fine in zip(names, np.isfinite(values).all(axis=0), strict=True) if not fine]
+        nothing = [name for name, column in zip(names, values.T, strict=True) if not np.isfinite(column).all()]
         self.assert_fail_if_true(nothing, f"{', '.join(nothing)} of {port} sends values that are not finite")
-        still = np.ptp(values, axis=0) == 0.0
+        still: NDArray[np.bool_] = np.ptp(values, axis=0) == 0.0
         absent = still & (values[0] == 0.0) & (not still.all())  # servers send zeros for sensors that a unit lacks
         sensors = [name.rpartition(" ")[0] for name in names]
         living = {sensor for sensor, dead in zip(sensors, still, strict=True) if not dead}
-        odd, stuck = [], []
+        odd: list[str] = []
+        stuck: list[str] = []
         for name, sensor, dead, gone in zip(names, sensors, still, absent, strict=True):
             if dead:
                 (odd if gone or sensor in living or sensor.endswith(_AT_REST) else stuck).append(name)

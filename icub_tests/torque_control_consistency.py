@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -97,17 +98,12 @@ class TorqueControlConsistency(RobotTest):
         if others:  # joints in other modes ignore the command
             part.board.set_reference_torques(torques[others], others)
         self._tell(part, form, joints, held, torques)
-        part.wait_until(lambda: self._in_torque_mode(part, joints).all(), _MODE_TIME, pace=0.01)
+        part.wait_until(lambda: bool(self._in_torque_mode(part, joints).all()), _MODE_TIME, pace=0.01)
         found = []
         for change in (self.change, 0.0, -self.change):
             wanted = held + change
             self._tell(part, form, joints, wanted, torques)
-            part.wait_to_arrive(
-                lambda wanted=wanted: bool(
-                    (np.abs(part.board.reference_torques(joints) - wanted) <= self.tolerance).all()
-                ),
-                _ARRIVING, pace=0.01,
-            )  # fmt: skip
+            part.wait_to_arrive(partial(self._has_arrived, part, joints, wanted), _ARRIVING, pace=0.01)
             measured, gone = self._measure(part, [*joints, *others], wanted, before)
             found.append((
                 change, wanted, part.board.reference_torques(joints), measured,
@@ -147,6 +143,10 @@ class TorqueControlConsistency(RobotTest):
                     )
                 if pulled:
                     self.inconclusive(pulled)
+
+    def _has_arrived(self, part: Part, joints: Sequence[int], wanted: FloatArray) -> bool:
+        """Whether the references at the board are those that were sent."""
+        return bool((np.abs(part.board.reference_torques(joints) - wanted) <= self.tolerance).all())
 
     def _measure(
         self, part: Part, joints: Sequence[int], wanted: FloatArray, before: FloatArray

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -194,13 +195,16 @@ class TorqueControlStiffDampCheck(RobotTest):
                     continue  # it still swings, which is motion enough: another push would add to it
                 number = control.inject("push", part.names[joint], {"torque": sign * torque})
                 try:
-                    part.wait_until(
-                        lambda sign=sign: sign * (part.board.encoder(joint) - home) > _REACH, _PUSH_TIME, pace=_PACE
-                    )
+                    part.wait_until(partial(self._is_pushed, part, joint, home, sign), _PUSH_TIME, pace=_PACE)
                 finally:
                     control.clear(number)
                 self._look_after(part, joint, home)
                 part.wait(_SWING_OUT)
+
+    @staticmethod
+    def _is_pushed(part: Part, joint: int, home: float, sign: float) -> bool:
+        """Whether a joint has been pushed far enough in a direction."""
+        return sign * (part.board.encoder(joint) - home) > _REACH
 
     def _comes_to_rest(self, part: Part, joint: int, home: float) -> bool:
         """Wait until a joint has swung out in its spring: pushes in time with its swing would add up.

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NoReturn
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, cast
 
 from rtf.testing import recording
 from rtf.testing.events import Asked, Measured, Progressed, TestRenamed
@@ -132,12 +132,13 @@ class TestCase(Declared, UsesFixtures):
         """End the test (or sub-result): it was carried out and cannot judge, for this reason."""
         raise Inconclusive(reason)
 
-    def subresult(self, subject: str) -> AbstractContextManager[None]:
+    def subresult(self, subject: str) -> AbstractContextManager[None, bool]:
         """A part of the test with its own verdict: ``with self.subresult("joint 3"): …``.
 
         Neither a failed assertion nor an exception in the part ends the test.
         """
-        return self._session.part(subject)
+        # Type checkers take a decorated generator for one that lets every exception through.
+        return cast("AbstractContextManager[None, bool]", self._session.part(subject))
 
     # Assertions: end the test --------------------------------------------------------------------------------
 

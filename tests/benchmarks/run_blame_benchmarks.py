@@ -36,6 +36,8 @@ JOINTS = ("l_shoulder_pitch", "l_shoulder_roll", "l_elbow", "l_wrist_pitch", "to
 TESTS = ("OpticalEncodersConsistency", "PositionControlAccuracy", "MotorEncodersSignCheck", "position-stress")
 #: The joints of a part that are tested: hands have many, and all of one kind.
 _FIRST = 7
+#: The test that always moves all joints of its part.
+_WHOLE = "MotorTest"
 #: What comes before the joint that explains a doubt.
 _EXPLAINED = re.compile("explained by|it was disturbed|it shares motors")
 #: The goals: shares of tests that name the right joint first, and of healthy joints that fail.
@@ -68,17 +70,21 @@ def faulty_joints(case: Case) -> frozenset[str]:
 
 
 def cases(tests: Sequence[str], faults: Sequence[str], joints: Sequence[str]) -> Iterator[Case]:
-    """Yield the runs: each test with each fault of an axis at each joint, at its usual severity."""
+    """Yield the runs: each test with each fault of an axis at each joint that it tests, at its usual severity."""
     for test in tests:
         for fault in faults:
             for joint in joints:
                 part = ROBOT.axis(joint).part
-                count = min(_FIRST, len(ROBOT.parts[part].axes))
-                place = [axis.name for axis in ROBOT.parts[part].axes].index(joint)
-                last = fault.endswith("_swapped") and place + 1 >= count
+                axes = ROBOT.parts[part].axes[:_FIRST]
+                by_torque = test.startswith("TorqueControl")
+                chosen = [place for place, axis in enumerate(axes) if axis.torque_control or not by_torque]
+                place = [axis.name for axis in axes].index(joint)
+                if place not in chosen:
+                    continue
+                last = fault.endswith("_swapped") and place == chosen[-1]
                 yield Case(
                     test, Expectation.FOUND, fault, joint, {"by": -1.0} if last else {}, joint,
-                    {"part": part, "joints": list(range(count))}, robot="icub",
+                    {"part": part} if test == _WHOLE else {"part": part, "joints": chosen}, robot="icub",
                 )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ CASES = {
     "swapped": ("cameras_swapped left", "/icubSim/cam/left shows what /icubSim/cam/right should"),
     "zoom": ("camera_zoom right factor=1.3", "/icubSim/cam/right: its pictures move by 1"),
     "colours": ("camera_colours left", "see the same scene and show other colours: red, green and blue are"),
+    "jam": ("jam eyes_version", "eyes_version does not move"),
     "frozen": ("camera_frozen left", "pictures of /icubSim/cam/left do not move"),
 }
 SUITE = "".join(
@@ -42,7 +43,7 @@ def test_healthy_pictures_move_as_the_field_of_view_says(outcome, measured):
 
 
 @pytest.mark.parametrize("name", [name for name, (inject, _) in CASES.items() if inject])
-def test_each_fault_is_found_at_its_camera(outcome, name):
-    """The failure names the camera and the fault."""
+def test_each_fault_is_named(outcome, name):
+    """The failure names the camera, or the joint that does not turn the eyes, and the fault."""
     assert outcome.verdict(name) is Verdict.FAILED
     assert CASES[name][1] in outcome.detail(name)

@@ -10,6 +10,7 @@ CASES = {
     "healthy": "",
     "gain": "ft_gain left_arm factor=0.8",
     "axes": "ft_axes left_arm",
+    "jam": "jam l_shoulder_roll",
 }
 SUITE = "".join(
     f'<test name="{name}"><parameter name="inject">"{inject}"</parameter> FtSensorPostures </test>'
@@ -50,3 +51,10 @@ def test_exchanged_axes_are_named(outcome):
         assert f"{PORT}: its force {one} shows what is along {other}; likely: a wrong calibration matrix" in text
         assert f"{PORT}: its torque {one} shows what is along {other}" in text
     assert "its force z shows" not in text
+
+
+def test_a_joint_that_does_not_move_is_named(outcome):
+    """The guard stops it on its way to a posture; nothing is said of the sensor."""
+    assert outcome.verdict("jam") is Verdict.FAILED
+    assert "l_shoulder_roll" in outcome.detail("jam")
+    assert PORT not in said(outcome, "jam")
