@@ -234,6 +234,18 @@ class Given:
     text: str | None = None
 
 
+def _require_own_names(cls: type) -> None:
+    """Refuse a class of a plug-in that defines a private name which its base classes here use themselves."""
+    package = __name__.partition(".")[0]
+    if cls.__module__.partition(".")[0] == package:
+        return
+    for base in cls.__mro__[1:]:
+        hidden = [name for name in vars(cls).keys() & vars(base).keys() if name[0] == "_" and not name.endswith("__")]
+        if hidden and base.__module__.partition(".")[0] == package:
+            names = ", ".join(sorted(hidden))
+            raise TypeError(f"{cls.__name__} defines {names}, which {base.__name__} uses itself; give it another name")
+
+
 class Declared:
     """Base of tests and fixtures: collects the declarations of a class and fills an object's values."""
 
@@ -245,6 +257,10 @@ class Declared:
     parameter_warnings: tuple[str, ...] = ()
     _suite_values: Property | None = None
     _declarations: ClassVar[dict[str, Parameter[Any]]]
+
+    def __init_subclass__(cls, **options: object) -> None:
+        super().__init_subclass__(**options)
+        _require_own_names(cls)
 
     @classmethod
     def declarations(cls) -> dict[str, Parameter[Any]]:

@@ -41,6 +41,13 @@ def problems(param: str, **layers: object) -> list[str]:
     return list(caught.value.problems)
 
 
+def test_private_names_of_the_base_class_are_refused():
+    """A plug-in that defines one would change what a method of the base class does."""
+    with pytest.raises(TypeError, match="Mine defines _compare, which TestCase uses itself; give it another name"):
+        type("Mine", (Limits,), {"_compare": lambda: None})
+    assert type("Mine", (Limits,), {"_own": lambda: None})
+
+
 def test_defaults_hold_without_values():
     """Without a value the default counts, for each element of a list, and its source is default."""
     test, rows = resolve()

@@ -466,8 +466,10 @@ from rtf.robot_testing import RobotTest, Safety
 class Bare(RobotTest):
     """Opens it."""
     safety = Safety.MOTION
-    def _ask_for_permission(self) -> None:
-        """It is no robot."""
+    def setup(self) -> None:
+        """Ask nobody: it is no robot."""
+        self._may_move = True
+        super().setup()
     def run(self) -> None:
         """Open it."""
         board = FakeBoard("fake", network=self.network)
