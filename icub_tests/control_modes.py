@@ -25,12 +25,13 @@ from rtf.robot.errors import NotSupportedError, RefusedError
 from rtf.robot_testing import Limits, Safety, likely_causes
 from rtf.robot_testing.guard.snapshot import answered
 from rtf.robot_testing.joints_test import JointsTest, command_at
+from rtf.robot_testing.motion.disturbance import disturbance, limpness
 from rtf.robot_testing.motion.modes import LEGEND, ModeWalk, mode_numbers
 from rtf.robot_testing.torque_control import greatest_torque, torque_flags
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from rtf.robot.boards.client import RemoteBoard
     from rtf.robot.interfaces import FloatArray
@@ -85,6 +86,8 @@ class ControlModes(JointsTest):
         )
         self.tested: dict[int, set[tuple[ControlMode, ControlMode]]] = {joint: set() for joint in self.chosen}
         self.wrong: dict[int, list[str]] = {joint: [] for joint in self.chosen}
+        #: What moved at commands of other modes, and what disturbed it then.
+        self.moved_by: dict[int, list[tuple[str, str]]] = {joint: [] for joint in self.chosen}
         begin = self.now(), float(ControlMode.POSITION)
         self.expected = {joint: [begin] for joint in self.chosen}
         self.slowest = dict.fromkeys(self.chosen, 0.0)
@@ -300,11 +303,22 @@ class ControlModes(JointsTest):
             found, most = np.abs(trace.positions[:, joints] - before), self.moved
         else:
             found, most = np.abs(trace.duty_cycles[:, joints]), _DRIVEN
-        for joint, value in zip(joints, found.max(axis=0), strict=True):
-            if value > most and self._has(joint):
-                holds = state in HOLDING_MODES
-                what = f"moves by {part.shown(joint, value)}" if holds else f"is driven with {value:.2f} %"
-                self.wrong[joint].append(f"in {state.word} it {what} at a command of {command.name}")
+        ways = dict(zip(joints, found.max(axis=0).tolist(), strict=True))
+        for joint in (joint for joint, way in ways.items() if way > most and self._has(joint)):
+            if state in HOLDING_MODES:
+                what, why = f"moves by {part.shown(joint, ways[joint])}", self._shaken(joint, ways)
+            else:
+                what, why = f"is driven with {ways[joint]:.2f} %", ""
+            self.moved_by[joint].append((f"in {state.word} it {what} at a command of {command.name}", why))
+
+    def _shaken(self, joint: int, ways: Mapping[int, float]) -> str:
+        """Return what has moved a joint whose mode holds it: another one that went much farther; "" if nothing has."""
+        part, farthest = self.robot_part, max(ways, key=ways.__getitem__)
+        if why := disturbance(part, joint):
+            return why
+        if ways[farthest] < _SHAKES * ways[joint]:
+            return ""
+        return f"it was disturbed: {part.names[farthest]} moves by {part.shown(farthest, ways[farthest])}"
 
     def _come_back(self) -> None:
         """Move the joints without errors home if they have fallen without power."""
@@ -312,7 +326,7 @@ class ControlModes(JointsTest):
 
     def _move_back(self) -> None:
         part = self.robot_part
-        joints = [joint for joint in self.chosen if not self.wrong[joint]]
+        joints = [joint for joint in self.chosen if not (self.wrong[joint] or self.moved_by[joint])]
         if joints and np.abs(part.board.encoders(joints) - part.home[joints]).max() > _FALLEN:
             part.move(part.home[joints], joints, speed=_RETURN, tolerance=_FALLEN / 2)
 
@@ -371,7 +385,11 @@ class ControlModes(JointsTest):
         )
 
     def _judge(self, joint: int, needed: set[tuple[ControlMode, ControlMode]]) -> None:
-        name, wrong = self.robot_part.names[joint], self.wrong[joint]
+        part, name = self.robot_part, self.robot_part.names[joint]
+        # A joint that was stopped later has shaken the others before, perhaps.
+        moved = [(text, why or limpness(part, joint)) for text, why in self.moved_by[joint]]
+        wrong = self.wrong[joint] + [text for text, why in moved if not why]
+        doubts = [f"{text}; but {why}" for text, why in moved if why]
         if joint not in self.compliant:
             needed = {pair for pair in needed if ControlMode.TORQUE not in pair}
         left = needed - self.tested[joint]
@@ -387,6 +405,8 @@ class ControlModes(JointsTest):
         self.assert_error_if_true(left and not wrong, f"{name}: {len(left)} requests could not be tried")
         if busy:
             self.inconclusive(f"{text}; but {busy}")
+        if doubts:
+            self.inconclusive(f"{name}: {doubts[0]}")
 
 
 #: Seconds between two checks of the modes; for which a new mode is watched; for which a joint is watched for motion.
@@ -395,6 +415,8 @@ _LOOK, _STAYS, _WATCHED = 0.01, 0.03, 0.1
 _LATE = 2.0
 #: Fall after which joints are moved back, deg; and the speed of that move, deg/s.
 _FALLEN, _RETURN = 3.0, 30.0
+#: A joint that moves so many times as far as another one has shaken that.
+_SHAKES = 3.0
 _DRIVEN = 1.0  # per cent of duty cycle, of a motor without power
 _SHOWN = 5  # wrong answers that a failure lists
 #: Modes that must not be requested.

@@ -15,11 +15,10 @@ from rtf.robot_testing.judging.friction_profile import friction_profile
 from rtf.robot_testing.judging.motor_model import LOOSE_CONTACT, TOLERANCE, UNEVEN, motor_model, wrong_motor
 from rtf.robot_testing.judging.statistics import jitter
 from rtf.robot_testing.judging.step_response import with_noise
+from rtf.robot_testing.motion.disturbance import limpness
 from rtf.robot_testing.motion.joint_swings import JointSwinger, Outcome, ends_of
-from rtf.robot_testing.motion.known_motors import known_motors, limpness
 from rtf.robot_testing.motion.part import PACE
 from rtf.robot_testing.motion.routines import run_queues
-from rtf.robot_testing.robot_name import robot_model
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -115,7 +114,7 @@ class JointSweep(JointsTest):
         self.slow_speeds = self.by_joint("speed", self.speed)
         self.fast_speeds = self.by_joint("fast", self.fast)
         self.ends = {joint: ends_of(part, joint, np.inf) for joint in self.chosen}
-        self.motors = known_motors(part, robot_model(self), self.chosen, simulated=self.simulated)
+        self.motors = part.motors
         self.swinger = JointSwinger(part, self.transmission, tolerance=self.tolerance)
         self.swinger.begin(self.hold)
 

@@ -12,6 +12,7 @@ from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.joints_test import JointsTest
 from rtf.robot_testing.judging.real_time_checks import loop_delay
 from rtf.robot_testing.judging.step_response import step_response
+from rtf.robot_testing.motion.disturbance import disturbance
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -180,6 +181,7 @@ class MotorTest(JointsTest):
                 f"{name} goes {self.shown(beyond)} beyond its target of {self.shown(target)}; "
                 f"{likely_causes('overshoot')}"
             )
+            self._end_if_disturbed(joint, hint, wrong=beyond > self.overshoot)
             self.measure("overshoot", beyond, "deg", high=self.overshoot, hint=hint)
         error = float(positions[-_LAST:].mean()) - target
         moved = abs(float(positions[-1]) - start)
@@ -189,4 +191,10 @@ class MotorTest(JointsTest):
             f"{self.shown(moved)}; "
             f"{likely_causes(finding)}"
         )
+        self._end_if_disturbed(joint, hint, wrong=not low <= error <= high)
         self.measure("final error", error, "deg", low=low, high=high, hint=hint)
+
+    def _end_if_disturbed(self, joint: int, text: str, *, wrong: bool) -> None:
+        """End as inconclusive if a value of a joint is wrong, and another one disturbs it."""
+        if wrong and (why := disturbance(self.robot_part, joint)):
+            self.inconclusive(f"{text}; but {why}")

@@ -209,7 +209,8 @@ class PositionControlAccuracyExternalPid(CoupledStepTest):
             raise GuardError(
                 f"{part.names[joint]} is at {part.shown(joint, position, '.1f')}, more than "
                 f"{part.shown(joint, _RUNAWAY, 'g')} beyond a step of {part.shown(joint, self.step, 'g')} from "
-                f"{part.shown(joint, self.homes[joint], '.1f')}"
+                f"{part.shown(joint, self.homes[joint], '.1f')}",
+                joint,
             )
         duty = self.pids[joint].output(command, position, stamp)
         duty += (self.pid_vup if command > position else self.pid_vdown) * float(self.ways[joint])

@@ -17,6 +17,7 @@ from rtf.robot_testing.judging.checked_values import CheckedValue, judge_values
 from rtf.robot_testing.judging.friction_hold import held_by_friction
 from rtf.robot_testing.judging.real_time_checks import loop_delay
 from rtf.robot_testing.judging.sine import RampedSine, fit_sine
+from rtf.robot_testing.motion.disturbance import disturbance
 from rtf.robot_testing.motion.periodic_loop import ticks
 from rtf.robot_testing.motion.start_position import bring, late_evidence, late_joints, starting_point
 from rtf.robot_testing.slides import converted, in_metres
@@ -280,7 +281,28 @@ class PositionDirect(RobotTest):
         )
         metres = in_metres(self.robot_part.board, joint)
         scaled = [value.scaled(*converted(metres, value.symbol)) for value in values]
-        judge_values(self, name, scaled, loop_delay(run.sent_at, self.sample_time))
+        excuse = loop_delay(run.sent_at, self.sample_time)
+        if not excuse and any(value.wrong for value in scaled):
+            excuse = disturbance(self.robot_part, joint) or self._shaken(column, run)
+        judge_values(self, name, scaled, excuse)
+
+    def _shaken(self, column: int, run: _Run) -> str:
+        """Return which other joint was the first one that did not move in a sine, and so shook this one; "" if none."""
+        time, positions = run.trace.local_time - run.begin, run.trace.positions[:, self.chosen]
+        during = (time >= 0) & (time <= self.sine.duration)
+        told, time = self.sine.at(time[during]), time[during]
+        first, last = self.sine.plateau
+        whole, left, beyond = (time >= first) & (time <= last), [], []
+        for joint, one, reference in zip(self.chosen, positions[during].T, told.T, strict=True):
+            left.append(np.abs(_unlike(one, reference, time)))
+            beyond.append(left[-1] > _SHAKEN * self._most_shape(joint, time, reference, whole))
+        begins = [int(one.argmax()) if one.any() else len(time) for one in beyond]
+        cause = min(range(len(begins)), key=begins.__getitem__)
+        if begins[cause] >= begins[column]:
+            return ""
+        part, joint = self.robot_part, self.chosen[cause]
+        away = part.shown(joint, float(left[cause].max()))
+        return f"it was disturbed: before it {part.names[joint]} did not move in a sine, by up to {away}"
 
     def _most_shape(self, joint: int, time: FloatArray, reference: FloatArray, whole: NDArray[np.bool_]) -> float:
         """Return the greatest shape error: that of the parameter, and what friction adds to it, as variances add up."""
@@ -310,8 +332,17 @@ class PositionDirect(RobotTest):
         )
 
 
+#: A joint that deviates by so many times the greatest shape error shakes the others.
+_SHAKEN = 2.0
 #: Time grid on which signals are compared, s; least number of states in a period.
 _GRID, _FEWEST_A_SWING = 0.002, 20
 #: Tolerance of an amplitude ratio: a critically damped loop of 2 Hz follows a sine of 1 Hz with 0.8 of its amplitude; a
 #: slower one is too slow for the streams of commands that the mode is for.
 _GAIN = 0.2
+
+
+def _unlike(positions: FloatArray, told: FloatArray, time: FloatArray) -> FloatArray:
+    """Return what a joint did beside following its commands, with any lag and gain (deg)."""
+    columns = np.column_stack([told, np.gradient(told, time), np.ones(len(told))])
+    left: FloatArray = positions - columns @ np.linalg.lstsq(columns, positions, rcond=None)[0]
+    return left

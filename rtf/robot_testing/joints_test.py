@@ -126,18 +126,20 @@ class JointsTest(RobotTest):
     def exclude_stopped(self, error: GuardError) -> None:
         """Fail the joints that are to blame for a stop, leave them without power, and remove them from ``chosen``.
 
-        The joints coupled with them end as inconclusive: boards leave them idle together. Raises the error again if
-        none of them is tested.
+        One of which nothing more is known than that it was stopped later than another one is inconclusive, and so are
+        the joints coupled with them: boards leave them idle together. Raises the error again if none of them is tested.
         """
         found = accused(stop_evidence(self.robot_part, error))
         tested = [joint for joint in found if joint in self.chosen]
         if not tested:
             raise error
+        first = self.first_stop(self.robot_part, found[tested[0]])
         for joint in tested:
             if joint in self.chosen:
                 one = found[joint]
                 text = one.sentence if str(error) in one.text else f"{one.sentence} ({error})"
-                self.fail_and_exclude(joint, text, "had to be stopped", excuse=one.excuse)
+                later = f"it was disturbed: {first.text}" if one.is_explained_by(first, joint) else ""
+                self.fail_and_exclude(joint, text, "had to be stopped", excuse=one.excuse or later)
 
     def fail_and_exclude(self, joint: int, text: str, what: str, *, excuse: str = "") -> None:
         """Fail a joint with ``text``, leave it idle because it ``what``, and exclude it and those coupled with it.
@@ -184,12 +186,15 @@ class JointsTest(RobotTest):
         if text := self.explained(self.robot_part, joint):
             self.inconclusive(f"{self.robot_part.names[joint]} cannot be judged: {text}")
 
-    def judge_own_stop(self, joint: int, error: GuardError) -> None:
-        """Judge the stop of a motion during the routine of a joint, see ``judge_stop``; another joint is held, too."""
+    def judge_own_stop(self, joint: int, error: GuardError) -> bool:
+        """Judge the stop of a motion during the routine of a joint, see ``judge_stop``; another joint is held, too.
+
+        Return whether the joint has failed.
+        """
         part = self.robot_part
         if error.joint != joint and part.guard is not None:
             part.guard.halt([joint])
-        self.judge_stop(part, joint, error)
+        return self.judge_stop(part, joint, error)
 
     def retry_without_stopped(self, act: Callable[[], object]) -> None:
         """Call ``act``, and again after each GuardError without the joint that was stopped, see ``exclude_stopped``.

@@ -292,7 +292,10 @@ class RobotTest(TestCase):
                 moves=self._move_check if name in robot_model(self).parts else None,
             )
             self.report(guard.coverage())
-        part = Part(name, board, self.clock, guard, together=robot_model(self).together(name))
+        robot = robot_model(self)
+        part = Part(
+            name, board, self.clock, guard, together=robot.together(name), robot=robot, simulated=self.simulated
+        )
         recording = FailureRecording(self, part, forces)
         self.add_cleanup(recording.write)
         if guard is not None:
@@ -316,8 +319,10 @@ class RobotTest(TestCase):
 
     # Judging -----------------------------------------------------------------------------------------------------
 
-    def judge_stop(self, part: Part, joint: int, error: GuardError, *findings: str) -> None:
+    def judge_stop(self, part: Part, joint: int, error: GuardError, *findings: str) -> bool:
         """Judge the stop of a motion by the guard while a joint was tested: see ``judging/blame.py``.
+
+        Return whether that joint has failed.
 
         Those to blame fail in sub-results of their own, whether they are tested or not. The joint itself, if it is not
         among them, is inconclusive, and others that are surely to blame are left without power: they would disturb the
@@ -327,12 +332,20 @@ class RobotTest(TestCase):
         found = stop_evidence(part, error, moved=joint)
         self._note(part, joint, found)
         wrong = accused(found)
-        self._first_stops = {part.name: next(iter(wrong.values())), **self._first_stops}
-        first = self._first_stops[part.name]
-        complaints = {joint: _complaint(joint, error, findings), **{one: wrong[one] for one in wrong if one != joint}}
+        own = _complaint(joint, error, findings)
+        first = self.first_stop(part, next(iter(wrong.values()), own))
+        complaints = {joint: own, **{one: wrong[one] for one in wrong if one != joint}}
+        failed = set()
         for one, complaint in complaints.items():
-            doubtful = one in wrong and wrong[one].strength is Strength.UNCERTAIN and one not in first.joints
-            self.judge_evidence(part, one, complaint, [first] if doubtful else found)
+            later = one in wrong and wrong[one].is_explained_by(first, one)
+            if self.judge_evidence(part, one, complaint, [first] if later else found):
+                failed.add(one)
+        return joint in failed
+
+    def first_stop(self, part: Part, evidence: Evidence) -> Evidence:
+        """Return the strongest evidence of the first stop of a part, which this is if there was none before."""
+        self._first_stops = {part.name: evidence, **self._first_stops}
+        return self._first_stops[part.name]
 
     def _note(self, part: Part, joint: int, found: Sequence[Evidence]) -> None:
         """Remember certain and likely evidence, and exclude those whom it accuses beside a joint.
@@ -378,10 +391,12 @@ class RobotTest(TestCase):
         reasons += [f"it shares motors: {', '.join(limp)} had to be left without power"] if limp else []
         return reasons[0] if reasons else ""
 
-    def judge_evidence(self, part: Part, joint: int, complaint: Evidence, found: Sequence[Evidence]) -> None:
-        """Judge a joint by a complaint and the evidence on the joints of its part, in its sub-result."""
+    def judge_evidence(self, part: Part, joint: int, complaint: Evidence, found: Sequence[Evidence]) -> bool:
+        """Judge a joint by a complaint and the evidence on its part, in its sub-result; return whether it fails."""
+        verdict = blame(joint, complaint, found)
         with self.subresult(part.names[joint]):
-            settle(self, blame(joint, complaint, found))
+            settle(self, verdict)
+        return verdict.failed
 
     def blame(
         self, part: Part, error: GuardError, *findings: str, joints: Sequence[int] = (), during: str = ""

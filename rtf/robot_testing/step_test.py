@@ -28,10 +28,9 @@ from rtf.robot_testing.judging.step_response import (
     step_response,
     with_noise,
 )
-from rtf.robot_testing.motion.known_motors import disturbance
+from rtf.robot_testing.motion.disturbance import disturbance
 from rtf.robot_testing.motion.routines import pause, run_queues
 from rtf.robot_testing.motion.start_position import bringing, holding, starting_point
-from rtf.robot_testing.robot_name import robot_model
 from rtf.robot_testing.robot_test import RobotTest
 from rtf.robot_testing.slides import converted, in_metres
 from rtf.testing import Parameter
@@ -344,13 +343,9 @@ class StepTest(RobotTest):
         values = [value.scaled(*converted(metres, value.symbol)) for value in values]
         excuse = late[0] if late else self.explained(self.robot_part, joint)
         if not excuse and any(value.wrong for value in values):
-            excuse = self.disturbed(joint)
+            excuse = disturbance(self.robot_part, joint)
         judge_values(self, name, values, excuse)
         self._require_visible_step(name, cycles)
-
-    def disturbed(self, joint: int) -> str:
-        """Return what disturbs a joint, see :func:`disturbance`; "" if nothing does."""
-        return disturbance(self.robot_part, joint, robot_model(self), simulated=self.simulated)
 
     def _require_numbers(self, name: str, cycles: list[Cycle]) -> None:
         measured = np.concatenate([one.measured for one in cycles])

@@ -49,6 +49,7 @@ class CoupledBoard(FakeBoard):
         self.coupling = coupling
         self.shown: dict[int, float] = {}
         self.speeds: dict[int, float] = {}
+        self.duties: dict[int, float] = {}
         self.refuses = False
         self.ahead = 0.0
         self.duty_step = 1e-9
@@ -62,6 +63,8 @@ class CoupledBoard(FakeBoard):
             state.joint_positions[joint] = position
         for joint, speed in self.speeds.items():
             state.joint_velocities[joint] = speed
+        for motor, duty in self.duties.items():
+            state.duty_cycles[motor] = duty
         return time + self.ahead
 
     def reference_duty_cycles(self, motors: AxisSelection = None) -> FloatArray:

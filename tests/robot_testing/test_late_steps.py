@@ -38,14 +38,11 @@ class Judging(StepTest):
         """Keep the report."""
         self.reports += texts
 
-    def disturbed(self, joint):
-        """The part has no other joint."""
-        return ""
-
 
 @pytest.fixture
-def judging():
-    """A step test that has not judged yet."""
+def judging(monkeypatch):
+    """A step test that has not judged yet; nothing disturbs its joint."""
+    monkeypatch.setattr("rtf.robot_testing.step_test.disturbance", lambda *_: "")
     test = Judging()
     test.robot_name, test.robot_part = "bot", SimpleNamespace(name="left_arm", names=["elbow"], board=None, guard=None)
     test.measured_values, test.reports, test.failed = {}, [], False

@@ -58,6 +58,10 @@ class Evidence:
         """Return what speaks against a single joint, such as that it had to be stopped."""
         return cls(frozenset({joint}), text, findings, Strength.UNCERTAIN, excuse)
 
+    def is_explained_by(self, first: Evidence, joint: int) -> bool:
+        """Return whether the evidence of an earlier stop explains this on a joint, of which no more is known."""
+        return self.strength is Strength.UNCERTAIN and joint not in first.joints
+
     @property
     def sentence(self) -> str:
         """The text with the likely causes."""

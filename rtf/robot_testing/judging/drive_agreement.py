@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray
 
 #: Duty cycle that no healthy joint needs in free motion at the speeds of tests, %: twice what counts as pressing.
-_LARGE = 30.0
+LARGE = 30.0
 #: Duty cycle with which a joint beside the stopped one presses, %: no load of a robot at rest needs as much.
-_HARD = 1.5 * _LARGE
+_HARD = 1.5 * LARGE
 #: A motor that is slower than this, deg/s of the joint, does not turn.
 _SLOW = 1.0
 #: Shortest time for which a motor must not follow, s: a fast joint that brakes is pushed back for less; and the share
@@ -63,6 +63,11 @@ class Drive(NamedTuple):
         together: FloatArray = self.duties @ self.coupling / np.abs(self.coupling).sum(axis=0)
         return together
 
+    @property
+    def last_efforts(self) -> FloatArray:
+        """The median efforts of the last moments, %, by joint."""
+        return _recent(self, self.efforts)
+
 
 def drive_evidence(drive: Drive, names: Sequence[str], suspects: Collection[int] = ()) -> list[Evidence]:
     """Return the evidence on motors and joints that do not follow their duty cycles; none if all do.
@@ -75,8 +80,8 @@ def drive_evidence(drive: Drive, names: Sequence[str], suspects: Collection[int]
     efforts, moving = drive.efforts, _speeds(drive.time, drive.joints)
     motors = _stubborn(drive.time, drive.duties, turning)
     joints = _stubborn(drive.time, efforts, moving)
-    astray = moving * np.sign(efforts) <= -_CLEARLY
-    motors = {motor: since for motor, since in motors.items() if not _balanced(drive, efforts, motor)}
+    astray = (moving * np.sign(efforts) <= -_CLEARLY) & (np.abs(efforts) >= LARGE)
+    motors = {motor: since for motor, since in motors.items() if not _balanced(drive, motor)}
     if pair := _exchanged(motors, drive.duties, turning):
         what = f"the motors of {names[pair[0]]} and {names[pair[1]]} are swapped"
         return [Evidence(frozenset(pair), f"{what}: each turns by the duty cycle of the other", ("swapped motors",))]
@@ -90,7 +95,7 @@ def drive_evidence(drive: Drive, names: Sequence[str], suspects: Collection[int]
                 return [_motor(drive, inverted, names)]
             if by_motor:
                 return [_motor(drive, one, names) for one in of_motors]
-            return [_joint(one, names, float(_recent(drive, efforts)[one])) for one in of_joints]
+            return [_joint(one, names, float(drive.last_efforts[one])) for one in of_joints]
         if by_motor:
             elsewhere += [(motors[one], _motor(drive, one, names)) for one in of_motors if _against(drive, one)]
             still += [_motor(drive, one, names, Strength.LIKELY) for one in of_motors if _pressing(drive, one)]
@@ -106,7 +111,7 @@ def _speeds(time: FloatArray, positions: FloatArray) -> FloatArray:
 
 def _stubborn(time: FloatArray, efforts: FloatArray, speeds: FloatArray) -> dict[int, float]:
     """Return the axes that have not moved with a large effort for some time until the end, each with its begin (s)."""
-    follows = (np.abs(efforts) < _LARGE) | (speeds * np.sign(efforts) >= _SLOW)
+    follows = (np.abs(efforts) < LARGE) | (speeds * np.sign(efforts) >= _SLOW)
     recent = time >= time[-1] - _LASTING
     found = {}
     for axis in np.flatnonzero(follows[recent].mean(axis=0) <= _FOLLOWS):
@@ -138,7 +143,7 @@ def _first_against(drive: Drive, turning: FloatArray, astray: NDArray[np.bool_],
     Those that it drags follow later. A joint that is thrown or braked turns so for a moment only. Where all motors of a
     joint together drive it the way it goes, and it is not ``astray`` (states, joints), another motor was stronger.
     """
-    against = (np.abs(drive.duties) >= _LARGE) & (turning * np.sign(drive.duties) <= -_CLEARLY)
+    against = (np.abs(drive.duties) >= LARGE) & (turning * np.sign(drive.duties) <= -_CLEARLY)
     against &= (astray @ (drive.coupling != 0).T).astype(bool)
     lasting = np.gradient(drive.time) @ against >= _LASTING
     found = [motor for motor in group if lasting[motor]]
@@ -149,7 +154,7 @@ def _first_against(drive: Drive, turning: FloatArray, astray: NDArray[np.bool_],
 def _turning_by(duty: FloatArray, speed: FloatArray) -> int:
     """Return in how many states a motor turns clearly with a large duty cycle; 0 if it does in too few of all."""
     turns: NDArray[np.bool_] = np.abs(speed) >= _CLEARLY
-    with_it = int((turns & (np.abs(duty) >= _LARGE / 2) & (speed * duty > 0)).sum())
+    with_it = int((turns & (np.abs(duty) >= LARGE / 2) & (speed * duty > 0)).sum())
     return with_it if with_it >= max(_FEWEST, _EXCHANGED * int(turns.sum())) else 0
 
 
@@ -173,10 +178,10 @@ def _groups(coupling: FloatArray) -> list[list[int]]:
     return groups
 
 
-def _balanced(drive: Drive, efforts: FloatArray, motor: int) -> bool:
+def _balanced(drive: Drive, motor: int) -> bool:
     """Whether other motors hold one that stands still: no joint that it moves is driven by all of its motors."""
     moved = np.flatnonzero(drive.coupling[motor])
-    return not _against(drive, motor) and bool((np.abs(_recent(drive, efforts)[moved]) < _LARGE).all())
+    return not _against(drive, motor) and bool((np.abs(drive.last_efforts[moved]) < LARGE).all())
 
 
 def _turned(drive: Drive, motor: int) -> float:

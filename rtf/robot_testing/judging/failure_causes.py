@@ -36,6 +36,11 @@ _CAUSES: dict[str, tuple[str, ...]] = {
     "current sign": ("exchanged lines of the current sensor", "the sign of the current in the configuration"),
     "current zero": ("a current sensor that was not calibrated", "a current sensor that drifts"),
     "uneven amplifier": ("a bad transistor of the amplifier, or its driver", "a current sensor that is not linear"),
+    "weak amplifier": (
+        "a bad transistor of the amplifier, or its driver",
+        "a supply that is lower than it shows",
+        "another torque constant or ratio than that in robot.toml",
+    ),
     "weak magnets": ("magnets that have been too hot", "another torque constant than that in robot.toml"),
     "short of limit": (
         "a limit in the configuration beyond the hardware's",
@@ -86,6 +91,11 @@ _CAUSES: dict[str, tuple[str, ...]] = {
     "sways": (
         "gains that are too large",
         "a belt, tendon or gear that yields, or has play",
+        "an encoder that is late",
+    ),
+    "loose": (
+        "play in the gearbox, or a loose coupling",
+        "a belt, tendon or gear that yields",
         "an encoder that is late",
     ),
     "viscous": ("grease that is old, cold or of another kind", "a bearing or a seal that drags"),

@@ -32,10 +32,15 @@ _CERTAIN = 0.05
 #: What the model may leave of the currents, as a share of what the duty cycles drive. It leaves more where these change
 #: faster than the states show, as with a noisy encoder in the loop: then a current belongs to another duty cycle.
 _LEFT = 0.3
+#: Changes from state to state, as a share of those of white noise, that are faster than the states show.
+_HASTY = 0.5
 #: Noise of a current sensor that is no current, in standard deviations.
 _OUTSIDE = 3.0
 #: The finding on a motor that has no current for moments.
 LOOSE_CONTACT = "loose contact"
+#: What a current sensor may be off by, in standard deviations of its noise: 2 % of the peak current, of which the noise
+#: is 0.5 % by default; and the share of states with a wrong current that are nearly all.
+_OFFSET, _NEARLY = 4.0, 0.8
 #: States without a current that are a loose contact; the least current that they lack, as a share of that by the whole
 #: supply at rest; and the share of the currents that has to flow otherwise, or the sensor is at fault.
 _MOMENTS, _HARD, _FLOWS = 3, 0.4, 0.5
@@ -97,9 +102,14 @@ def wrong_motor(
     if _size(currents) <= noise:
         expected = _driven(duties, speeds, drive, supply)
         return WrongMotor("it has no current", "current sensor") if _size(expected) > _OUTSIDE * noise else None
-    return _wrong_model(duties, currents, speeds, drive, supply) or _interrupted(
-        duties, currents, speeds, drive, supply
-    )
+    columns = duties, currents, speeds, drive, supply
+    found = None if _is_hasty(duties) else _wrong_model(*columns) or _wrong_level(*columns) or _wrong_speed(*columns)
+    return found or _interrupted(*columns)
+
+
+def _is_hasty(values: FloatArray) -> bool:
+    """Return whether values change faster than the states show, so that currents belong to others."""
+    return float(np.std(np.diff(values))) > _HASTY * math.sqrt(2.0) * float(np.std(values))
 
 
 def _wrong_model(
@@ -119,6 +129,45 @@ def _wrong_model(
     if abs(found.constant - 1.0) > TOLERANCE and abs(found.constant - constant) <= TOLERANCE:
         return WrongMotor(f"its torque constant is {found.constant:.0%} of that in robot.toml", "weak magnets")
     return None
+
+
+def _wrong_level(
+    duties: FloatArray, currents: FloatArray, speeds: FloatArray, drive: Drive, supply: float
+) -> WrongMotor | None:
+    """Return that the current is another one than the duty cycle drives, nearly always while that has one sign.
+
+    That shows where the current hardly changes, so that no model can be fitted: a joint at rest has the same torque
+    whatever its motor needs for it.
+    """
+    driven, allowed = _driven(duties, speeds, drive, supply), _OFFSET * drive.current_noise + drive.current_step
+    wrong = {}
+    for way in (1.0, -1.0):
+        there = way * driven > _OFFSET * drive.current_noise
+        apart = np.abs(currents[there] - driven[there]) > TOLERANCE * np.abs(driven[there]) + allowed
+        wrong[way] = there.sum() >= _FEWEST and float(apart.mean()) >= _NEARLY
+    ways = [way for way, is_wrong in wrong.items() if is_wrong]
+    if not ways:
+        return None
+    there = ways[0] * driven > _OFFSET * drive.current_noise
+    shown, wanted = float(np.median(currents[there])), float(np.median(driven[there]))
+    finding = "uneven amplifier" if len(ways) == 1 and (duties * ways[0] < 0.0).sum() >= _FEWEST else "current sensor"
+    return WrongMotor(f"its current is {shown:.2g} A where its duty cycle drives {wanted:.2g} A", finding)
+
+
+def _wrong_speed(
+    duties: FloatArray, currents: FloatArray, speeds: FloatArray, drive: Drive, supply: float
+) -> WrongMotor | None:
+    """Return that a motor is slower for its duty cycle than its drive says, where its current hardly changes.
+
+    Then duty cycles show what a speed needs. Noise of the speeds would make that less.
+    """
+    columns = np.column_stack([currents, speeds, np.ones(len(duties))])
+    values, errors, noise = _fit(columns, duties)
+    needed = math.radians(1.0) * drive.torque_constant * _PER_CENT / supply  # per cent, for a deg/s
+    share = float(values[1]) / needed
+    if errors[1] > _CERTAIN * needed or noise > _LEFT * float(np.std(duties)) or share < 1.0 + TOLERANCE:
+        return None
+    return WrongMotor(f"it needs {share:.0%} of the duty cycle that its drive needs for a speed", "weak amplifier")
 
 
 def _interrupted(

@@ -2,7 +2,8 @@
 
 The loop of a joint with too large gains, a late encoder, or a gear that yields, sways, and the joints that are only
 held have to work against it: their motors are driven to and fro, too, and may draw more current than the shaking one.
-But they hold their place. So the one that sways farthest by far is the cause.
+But their encoders agree with those of their motors. So the joint whose encoders are apart by far is the cause: its gear
+yields or has play, or one of them is late. If none is, it is the one that sways farthest by far.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ from rtf.robot_testing.judging.blame import Evidence, Strength
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing.judging.drive_agreement import Drive
 
@@ -26,11 +29,17 @@ _RECENT = 0.5
 _STRONG, _FEWEST = 30.0, 4
 #: The least way from end to end that counts, deg, and how much farther the one that shakes goes than all others.
 _LEAST, _FARTHER = 1.0, 1.5
+#: How much farther apart its encoders are than those of all others.
+_LOOSER = 4.0
 
 
 def swaying_evidence(drive: Drive, names: Sequence[str]) -> list[Evidence]:
     """Return the evidence against the joint that shakes its part; none without one."""
     recent, efforts = drive.time > drive.time[-1] - _RECENT, drive.efforts
+    if (loose := _loose(drive, recent)) is not None and (np.abs(efforts[recent]) >= _STRONG).any():
+        joint, apart = loose
+        text = f"the encoders of {names[joint]} and of its motor were apart by up to {apart:.1f} deg"
+        return [Evidence(frozenset({joint}), text, ("loose",), Strength.LIKELY)]
     ways = np.ptp(_without_trend(drive.time[recent], drive.joints[recent]), axis=0)
     driven = [joint for joint in range(len(names)) if _changes(efforts[recent, joint]) >= _FEWEST]
     if not driven:
@@ -45,6 +54,17 @@ def swaying_evidence(drive: Drive, names: Sequence[str]) -> list[Evidence]:
         f"with {low:+.0f} to {high:+.0f} %"
     )
     return [Evidence(frozenset({first}), text, ("sways",), Strength.LIKELY)]
+
+
+def _loose(drive: Drive, recent: NDArray[np.bool_]) -> tuple[int, float] | None:
+    """Return the joint whose encoder is apart from those of its motors farther than any other, and by how much."""
+    joints, turns = drive.joints[recent], drive.turns[recent]
+    if not (np.isfinite(joints).all() and np.isfinite(turns).all()):
+        return None
+    apart = np.ptp(joints - np.linalg.lstsq(drive.coupling, turns.T, rcond=None)[0].T, axis=0)
+    joint = int(np.argmax(apart))
+    others = float(np.delete(apart, joint).max(initial=0.0))
+    return (joint, float(apart[joint])) if apart[joint] >= max(_LEAST, _LOOSER * others) else None
 
 
 def _without_trend(time: FloatArray, positions: FloatArray) -> FloatArray:

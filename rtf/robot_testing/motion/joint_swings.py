@@ -10,8 +10,8 @@ import numpy as np
 
 from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.judging.blame import Blame, Evidence, Strength, blame
+from rtf.robot_testing.motion.disturbance import limpness
 from rtf.robot_testing.motion.joints_out_of_limits import exclude_joints_out_of_limits
-from rtf.robot_testing.motion.known_motors import limpness
 from rtf.robot_testing.motion.part import PACE
 from rtf.robot_testing.motion.routines import run_to_end, until
 from rtf.robot_testing.motion.stop_evidence import stop_evidence

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from contextlib import contextmanager, suppress
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from rtf.robot.errors import RefusedError
 from rtf.robot_testing.guard.monitored_quantities import greatest_speeds
 from rtf.robot_testing.guard.read_only_board import ReadOnlyBoard, UndeclaredMotionError
 from rtf.robot_testing.motion.joint_queues import queues
+from rtf.robot_testing.motion.known_motors import known_motors
 from rtf.robot_testing.motion.routines import one_at_a_time, pause, run_to_end, until
 from rtf.robot_testing.motion.trace import Trace
 from rtf.robot_testing.slides import as_text, converted, in_metres, shown
@@ -23,7 +25,9 @@ if TYPE_CHECKING:
     from rtf.clock import Clock
     from rtf.robot.boards.client import RemoteBoard
     from rtf.robot.interfaces import FloatArray
+    from rtf.robot.model import RobotModel
     from rtf.robot_testing.guard.motion_guard import MotionGuard
+    from rtf.robot_testing.motion.known_motors import KnownMotor
     from rtf.robot_testing.motion.routines import Routine
 
 #: Period of the checks while joints move, s.
@@ -65,6 +69,8 @@ class Part:
         guard: MotionGuard | None,
         *,
         together: Sequence[Sequence[Sequence[str]]] = (),
+        robot: RobotModel | None = None,
+        simulated: bool = False,
     ) -> None:
         self.name = name
         self.board = board
@@ -72,6 +78,8 @@ class Part:
         self.guard = guard
         #: See :attr:`rtf.robot.model.Part.together`.
         self.together = together
+        self.simulated = simulated
+        self._robot = robot
         if guard is not None and isinstance(board, ReadOnlyBoard):
             board.allow_commands()
         self.axes = board.axes()
@@ -88,6 +96,11 @@ class Part:
         #: The greatest speeds (deg/s); infinite if the board has none.
         self.fastest = greatest_speeds(board) if guard is None else guard.fastest
         self.home = np.clip(board.encoders(), self.low, self.high)
+
+    @cached_property
+    def motors(self) -> dict[int, KnownMotor]:
+        """Its motors that robot.toml describes."""
+        return known_motors(self.board, self.names, self._robot, simulated=self.simulated) if self._robot else {}
 
     def queues(self, joints: Iterable[int]) -> list[list[list[int]]]:
         """Return the queues of joints that may be moved at the same time, each a list of groups."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -21,9 +21,10 @@ from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.guard.reactions import LIMP
 from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.judging.blame import Evidence
-from rtf.robot_testing.judging.drive_agreement import Drive, drive_evidence
+from rtf.robot_testing.judging.drive_agreement import LARGE, Drive, drive_evidence
 from rtf.robot_testing.judging.encoder_agreement import Motion, encoder_evidence
 from rtf.robot_testing.judging.swaying import swaying_evidence
+from rtf.robot_testing.motion.known_motors import MotorStates, motor_evidence
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -52,26 +53,29 @@ def stop_evidence(
     """Return the evidence on the joints of a part after a motion that went wrong, the certain one first.
 
     ``error`` is the guard's, if it had to stop a joint; ``late`` are joints that did not go where they should, and
-    ``moved`` is the only joint that was commanded to move. Without ``transmission`` it is read from the board.
+    ``moved`` is the only joint that was commanded to move, or the one that is judged. Without ``transmission`` it is
+    read from the board.
     """
-    found: list[Evidence] = []
+    suspects = late if error is None else [*late, error.joint]
+    until = math.inf if error is None else error.time
+    if len(part.history) < _FEWEST:
+        _wait(part, _LONGER)
+        until = math.inf
+    last = None
     with suppress(RobotError):  # then the encoders cannot be compared, and the guard's word counts
-        known = transmission or Transmission.read(part.board)
-        suspects = late if error is None else [*late, error.joint]
-        until = math.inf if error is None else error.time
-        if len(part.history) < _FEWEST:
-            _wait(part, _LONGER)
-            until = math.inf
-        found = _by_sensors(part, until, known, suspects)
+        last = _last_moments(part, until, transmission or Transmission.read(part.board))
+    found = [] if last is None else _by_sensors(part, last, suspects, moved)
     if error is not None and error.joint >= 0:
-        found.append(_word_of_the_guard(part, error, moved))
+        works = last is None or abs(last.drive.last_efforts[error.joint]) >= LARGE
+        found.append(_word_of_the_guard(part, error, moved if works else -1))
     return found
 
 
 def _word_of_the_guard(part: Part, error: GuardError, moved: int) -> Evidence:
-    """Return that a joint was stopped: evidence against it, or against the one that pulled it.
+    """Return that a joint was stopped: evidence against it, or against the one that ``moved`` and pulled it.
 
-    A joint that is only held does not press by itself; the one that moves by motors of both may.
+    A joint that is only held does not press by itself; the one that moves by motors of both may. But one that is pulled
+    away, and hardly works against that, does not hold its place.
     """
     joint, text = error.joint, str(error)
     if error.finding == "blocked" and part.guard is not None and moved in part.guard.coupled_with(joint):
@@ -87,26 +91,50 @@ def _wait(part: Part, seconds: float) -> None:
             part.wait(left)
 
 
-def _by_sensors(part: Part, until: float, transmission: Transmission, suspects: Collection[int]) -> list[Evidence]:
+class _LastMoments(NamedTuple):
+    """The last seconds of a motion; ``modes`` has the shape (states, joints), ``motors`` is None without currents."""
+
+    motion: Motion
+    drive: Drive
+    modes: NDArray[np.int32]
+    motors: MotorStates | None
+
+
+def _last_moments(part: Part, until: float, transmission: Transmission) -> _LastMoments | None:
+    """Return the last seconds up to ``until``; None if a part does not show them."""
     states = part.history.copy()
     if len(states) < _FEWEST or not all(states.newest[1].valid[field] for field in _NEEDED):
-        return []
+        return None
     time = states.local_time
     before = time <= until
     chosen = before & (time > time[before].max(initial=-math.inf) - _COMPARED)
     if chosen.sum() < _FEWEST:
-        return []
-    joints, motors = states.positions[chosen], states.motor_positions[chosen]
+        return None
+    joints, turns, duties = states.positions[chosen], states.motor_positions[chosen], states.duty_cycles[chosen]
     gearbox, coupling = transmission.gearbox, transmission.coupling
-    found = encoder_evidence(Motion.of(joints, motors, gearbox, coupling), part.names)
-    duties = states.duty_cycles[chosen] * np.sign(gearbox)
-    drive = Drive(time[chosen], duties, joints, motors / gearbox, coupling)
-    found = found or drive_evidence(drive, part.names, suspects)
+    motors = None
+    if all(states.newest[1].valid[field] for field in (Field.MOTOR_VELOCITIES, Field.CURRENTS)):
+        motors = MotorStates(duties, states.currents[chosen], states.motor_velocities[chosen])
+    return _LastMoments(
+        motion=Motion.of(joints, turns, gearbox, coupling),
+        drive=Drive(time[chosen], duties * np.sign(gearbox), joints, turns / gearbox, coupling),
+        modes=states.control_modes[chosen],
+        motors=motors,
+    )
+
+
+def _by_sensors(part: Part, last: _LastMoments, suspects: Collection[int], moved: int) -> list[Evidence]:
+    found = encoder_evidence(last.motion, part.names) or drive_evidence(last.drive, part.names, suspects)
     if found:
         return found
-    limp = part.guard is not None and part.guard.excluded
-    swaying = [] if limp else swaying_evidence(drive, part.names)  # a limp limb swings, and shakes the others
-    return [*_by_modes(part, states.control_modes[chosen], suspects), *swaying]
+    found = _by_modes(part, last.modes, suspects)
+    if last.motors is not None:
+        concerned = {*suspects, moved} - {-1}
+        sharing = [one for joint in concerned if part.guard is not None for one in part.guard.coupled_with(joint)]
+        found += motor_evidence(last.motors, part.motors, part.names, {*concerned, *sharing})
+    if part.guard is None or not part.guard.excluded:  # a limp limb swings, and shakes the others
+        found += swaying_evidence(last.drive, part.names)
+    return found
 
 
 def _by_modes(part: Part, modes: NDArray[np.int32], suspects: Collection[int]) -> list[Evidence]:

@@ -121,6 +121,34 @@ def test_a_healthy_motor_is_not_accused():
     assert wrong(0.0 * duties, noise, 0.0 * speeds) == ""
 
 
+def test_a_motor_whose_current_hardly_changes_is_judged_by_its_level_and_its_speed():
+    """It holds a joint that another one pulls; its duty cycle shows its winding at rest, its amplifier at a speed."""
+    random = np.random.default_rng(8)
+    held = 0.5 + NOISE * random.standard_normal(500)
+    speeds = np.repeat([0.0, 2000.0, -1000.0, 0.0, 1500.0], 100)
+
+    def duties(resistance: float, amplifier: float) -> np.ndarray:
+        return (resistance * 0.5 + CONSTANT * np.radians(speeds)) * 100.0 / SUPPLY / amplifier
+
+    assert wrong(duties(RESISTANCE, 1.0), held, speeds) == ""
+    assert wrong(duties(1.2 * RESISTANCE, 1.0), held, speeds) == ""
+    assert wrong(duties(4.0 * RESISTANCE, 1.0), held, speeds).startswith(
+        "its current is 0.5 A where its duty cycle drives 2"
+    )
+    assert (
+        wrong(duties(RESISTANCE, 0.72), held, speeds)
+        == "it needs 139% of the duty cycle that its drive needs for a speed"
+    )
+    assert wrong(duties(RESISTANCE, 1.0), held, speeds + 500.0 * random.standard_normal(500)) == ""
+
+
+def test_duty_cycles_that_change_from_state_to_state_accuse_nobody():
+    """A joint that is shaken: the current belongs to another duty cycle than the one beside it."""
+    duties = 80.0 * np.resize([1.0, 0.4, -1.0, -0.6], 500)
+    driven = duties * SUPPLY / 100.0 / RESISTANCE
+    assert wrong(duties, np.roll(0.5 * driven, 1), np.zeros(500)) == ""
+
+
 def test_noise_does_not_accuse_a_motor():
     """Of speeds, where the current hardly changes; of duty cycles that last for a millisecond, not for a state."""
     duties, currents, speeds = states()

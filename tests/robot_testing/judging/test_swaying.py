@@ -47,6 +47,36 @@ def test_without_a_clear_case_nothing_is_said(ways, duties):
     assert evidence(ways, duties) == []
 
 
+def apart(differences, duty=50.0):
+    """What is found for joints whose encoders are apart from those of their motors by so much, end to end (deg)."""
+    swing = np.sin(2 * np.pi * RATE * TIME)
+    joints = np.outer(swing, [2.0, 2.0, 2.0])
+    turns = joints - np.outer(swing, differences) / 2.0
+    return swaying_evidence(Drive(TIME, np.full((TIME.size, 3), duty), joints, turns, np.eye(3)), NAMES)
+
+
+def test_the_joint_whose_encoders_are_apart_is_named():
+    """Its gear yields or has play, or one of them is late; how far the joints sway does not matter then."""
+    (found,) = apart([0.1, 2.0, 0.3])
+    assert (found.joints, found.strength) == ({1}, Strength.LIKELY)
+    assert found.text == "the encoders of elbow and of its motor were apart by up to 2.0 deg"
+    assert "play in the gearbox" in found.sentence
+
+
+@pytest.mark.parametrize(
+    ("differences", "duty"),
+    [
+        ([0.1, 0.9, 0.1], 50.0),  # as gears yield
+        ([0.1, 2.0, 0.6], 50.0),  # so are others
+        ([0.1, 2.0, 0.1], 20.0),  # nothing drives them hard
+        ([0.1, np.nan, 0.1], 50.0),  # it shows nothing
+    ],
+)
+def test_encoders_that_are_not_clearly_apart_say_nothing(differences, duty):
+    """Another kind of evidence has to decide."""
+    assert apart(differences, duty) == []
+
+
 def test_a_motion_that_starts_and_brakes_is_no_swaying():
     """Its duty cycle changes its sign once."""
     duties = np.zeros((TIME.size, 3))

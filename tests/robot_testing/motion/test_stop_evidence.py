@@ -99,12 +99,16 @@ def test_without_ratios_the_word_of_the_guard_counts(bench: PartBench, monkeypat
     assert [one.joints for one in stop_evidence(bench.part, STOP)] == [{1}]
 
 
-@pytest.mark.parametrize(("finding", "moved", "named"), [("blocked", 2, 2), ("blocked", 0, 1), ("runs away", 2, 1)])
+@pytest.mark.parametrize(
+    ("finding", "moved", "duty", "named"),
+    [("blocked", 2, 60.0, 2), ("blocked", 0, 60.0, 1), ("runs away", 2, 60.0, 1), ("blocked", 2, 10.0, 1)],
+)
 def test_a_held_joint_that_presses_is_pulled_by_the_one_that_moves(
-    bench: PartBench, finding: str, moved: int, named: int
+    bench: PartBench, finding: str, moved: int, duty: float, named: int
 ):
-    """If they share motors: a joint that is only held does not press by itself, but may well shake or run away."""
+    """If they share motors: one that is only held does not press by itself, but may shake, run away, or be too weak."""
+    bench.device.duties = {1: duty, 2: duty}
     swing(bench)
-    (found,) = stop_evidence(bench.part, GuardError("joint1 draws 5 A; it was released", 1, "", finding), moved=moved)
+    *_, found = stop_evidence(bench.part, GuardError("joint1 draws 5 A; it was released", 1, "", finding), moved=moved)
     assert found.joints == {named}
     assert "joint1 draws 5 A; it was released" in found.text
