@@ -163,8 +163,7 @@ class JointLimits(JointsTest):
             yield from self._visit_limits(joint)
         except GuardError as error:
             self._spans[joint] = begin, self.now()
-            if self.judge_own_stop(joint, error):
-                self._judge_block(joint, error)
+            self.judge_own_stop(joint, error, partial(self._judge_block, joint, error))
         self.progress(len(self._spans) / len(self.chosen), name)
 
     def _visit_limits(self, joint: int) -> Routine[None]:

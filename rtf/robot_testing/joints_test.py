@@ -186,15 +186,12 @@ class JointsTest(RobotTest):
         if text := self.explained(self.robot_part, joint):
             self.inconclusive(f"{self.robot_part.names[joint]} cannot be judged: {text}")
 
-    def judge_own_stop(self, joint: int, error: GuardError) -> bool:
-        """Judge the stop of a motion during the routine of a joint, see ``judge_stop``; another joint is held, too.
-
-        Return whether the joint has failed.
-        """
+    def judge_own_stop(self, joint: int, error: GuardError, say_first: Callable[[], object] = lambda: None) -> None:
+        """Judge the stop of a motion during the routine of a joint, see ``judge_stop``; another joint is held, too."""
         part = self.robot_part
         if error.joint != joint and part.guard is not None:
             part.guard.halt([joint])
-        return self.judge_stop(part, joint, error)
+        self.judge_stop(part, joint, error, say_first=say_first)
 
     def retry_without_stopped(self, act: Callable[[], object]) -> None:
         """Call ``act``, and again after each GuardError without the joint that was stopped, see ``exclude_stopped``.

@@ -44,7 +44,7 @@ from rtf.testing import Parameter, TestCase, Unit
 from rtf.testing.permission import has_permission
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import ArrayLike
@@ -319,15 +319,21 @@ class RobotTest(TestCase):
 
     # Judging -----------------------------------------------------------------------------------------------------
 
-    def judge_stop(self, part: Part, joint: int, error: GuardError, *findings: str) -> bool:
+    def judge_stop(
+        self,
+        part: Part,
+        joint: int,
+        error: GuardError,
+        *findings: str,
+        say_first: Callable[[], object] = lambda: None,
+    ) -> None:
         """Judge the stop of a motion by the guard while a joint was tested: see ``judging/blame.py``.
-
-        Return whether that joint has failed.
 
         Those to blame fail in sub-results of their own, whether they are tested or not. The joint itself, if it is not
         among them, is inconclusive, and others that are surely to blame are left without power: they would disturb the
         next ones, too. The first stop of a part explains later ones of other joints about which nothing more is known.
-        ``findings`` are the keys of the likely causes of the joint; by default those of the guard.
+        ``findings`` are the keys of the likely causes of the joint; by default those of the guard. ``say_first`` is
+        called before the joint fails: what a test knows better than the guard comes first.
         """
         found = stop_evidence(part, error, moved=joint)
         self._note(part, joint, found)
@@ -335,17 +341,20 @@ class RobotTest(TestCase):
         own = _complaint(joint, error, findings)
         first = self.first_stop(part, next(iter(wrong.values()), own))
         complaints = {joint: own, **{one: wrong[one] for one in wrong if one != joint}}
-        failed = set()
         for one, complaint in complaints.items():
-            later = one in wrong and wrong[one].is_explained_by(first, one)
-            if self.judge_evidence(part, one, complaint, [first] if later else found):
-                failed.add(one)
-        return joint in failed
+            evidence = [first] if one in wrong and wrong[one].is_explained_by(first, one) else found
+            if one == joint and blame(joint, complaint, evidence).failed:
+                say_first()
+            self.judge_evidence(part, one, complaint, evidence)
 
     def first_stop(self, part: Part, evidence: Evidence) -> Evidence:
-        """Return the strongest evidence of the first stop of a part, which this is if there was none before."""
-        self._first_stops = {part.name: evidence, **self._first_stops}
-        return self._first_stops[part.name]
+        """Return the strongest evidence of the first stop of a part, which this is if there was none before.
+
+        One that is no fault of the robot explains no later ones.
+        """
+        if not evidence.excuse:
+            self._first_stops = {part.name: evidence, **self._first_stops}
+        return self._first_stops.get(part.name, evidence)
 
     def _note(self, part: Part, joint: int, found: Sequence[Evidence]) -> None:
         """Remember certain and likely evidence, and exclude those whom it accuses beside a joint.
@@ -391,12 +400,10 @@ class RobotTest(TestCase):
         reasons += [f"it shares motors: {', '.join(limp)} had to be left without power"] if limp else []
         return reasons[0] if reasons else ""
 
-    def judge_evidence(self, part: Part, joint: int, complaint: Evidence, found: Sequence[Evidence]) -> bool:
-        """Judge a joint by a complaint and the evidence on its part, in its sub-result; return whether it fails."""
-        verdict = blame(joint, complaint, found)
+    def judge_evidence(self, part: Part, joint: int, complaint: Evidence, found: Sequence[Evidence]) -> None:
+        """Judge a joint by a complaint and the evidence on the joints of its part, in its sub-result."""
         with self.subresult(part.names[joint]):
-            settle(self, verdict)
-        return verdict.failed
+            settle(self, blame(joint, complaint, found))
 
     def blame(
         self, part: Part, error: GuardError, *findings: str, joints: Sequence[int] = (), during: str = ""

@@ -43,7 +43,7 @@ LOOSE_CONTACT = "loose contact"
 _OFFSET, _NEARLY = 4.0, 0.8
 #: States without a current that are a loose contact; the least current that they lack, as a share of that by the whole
 #: supply at rest; and the share of the currents that has to flow otherwise, or the sensor is at fault.
-_MOMENTS, _HARD, _FLOWS = 3, 0.4, 0.5
+_MOMENTS, _HARD, _FLOWS = 3, 0.1, 0.5
 #: What makes the error of a coefficient great that has no effect: a share of the squares, and a noise (A).
 _SINGULAR, _LEAST_NOISE = 1e-12, 1e-6
 _PER_CENT = 100.0
