@@ -102,9 +102,22 @@ def wrong_motor(
     if _size(currents) <= noise:
         expected = _driven(duties, speeds, drive, supply)
         return WrongMotor("it has no current", "current sensor") if _size(expected) > _OUTSIDE * noise else None
+    off = _without_current(duties, currents, speeds, drive, supply)
+    rest = duties[~off], currents[~off], speeds[~off]
+    if off.sum() >= _MOMENTS and _flows(*rest, drive, supply) and _misfit(*rest, drive, supply) is None:
+        text = f"it has no current in {off.sum()} of {len(off)} states, and a duty cycle for one"
+        return WrongMotor(text, LOOSE_CONTACT)
+    return _misfit(duties, currents, speeds, drive, supply)
+
+
+def _misfit(
+    duties: FloatArray, currents: FloatArray, speeds: FloatArray, drive: Drive, supply: float
+) -> WrongMotor | None:
+    """Return what is wrong with the model of a motor, or with its levels where no model can be fitted."""
+    if _is_hasty(duties):
+        return None
     columns = duties, currents, speeds, drive, supply
-    found = None if _is_hasty(duties) else _wrong_model(*columns) or _wrong_level(*columns) or _wrong_speed(*columns)
-    return found or _interrupted(*columns)
+    return _wrong_model(*columns) or _wrong_level(*columns) or _wrong_speed(*columns)
 
 
 def _is_hasty(values: FloatArray) -> bool:
@@ -170,10 +183,10 @@ def _wrong_speed(
     return WrongMotor(f"it needs {share:.0%} of the duty cycle that its drive needs for a speed", "weak amplifier")
 
 
-def _interrupted(
+def _without_current(
     duties: FloatArray, currents: FloatArray, speeds: FloatArray, drive: Drive, supply: float
-) -> WrongMotor | None:
-    """Return that a motor has no current for moments although its duty cycle drives one, as it does otherwise.
+) -> NDArray[np.bool_]:
+    """Return in which states a motor has no current although its duty cycle drives one.
 
     One or two states are none: a duty cycle that is shown a state before its current looks like that where it changes.
     Nor are those beside a change of its sign, of which there are many where a controller drives to and fro.
@@ -181,11 +194,15 @@ def _interrupted(
     noise = _OUTSIDE * (drive.current_noise + drive.current_step)
     driven = _driven(duties, speeds, drive, supply)
     off = (np.abs(currents) <= noise) & (np.abs(driven) > max(_OUTSIDE * noise, _HARD * supply / drive.resistance))
-    off &= _lasting(driven > 0.0) | _lasting(driven < 0.0)
-    rest = ~off & (np.abs(driven) > noise)
-    if off.sum() < _MOMENTS or not rest.any() or not np.median(currents[rest] / driven[rest]) > _FLOWS:
-        return None
-    return WrongMotor(f"it has no current in {off.sum()} of {len(off)} states, and a duty cycle for one", LOOSE_CONTACT)
+    found: NDArray[np.bool_] = off & (_lasting(driven > 0.0) | _lasting(driven < 0.0))
+    return found
+
+
+def _flows(duties: FloatArray, currents: FloatArray, speeds: FloatArray, drive: Drive, supply: float) -> bool:
+    """Return whether a motor has a current that its duty cycle drives."""
+    driven = _driven(duties, speeds, drive, supply)
+    there = np.abs(driven) > _OUTSIDE * (drive.current_noise + drive.current_step)
+    return bool(there.any()) and float(np.median(currents[there] / driven[there])) > _FLOWS
 
 
 def _lasting(states: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -13,10 +13,16 @@ from rtf.robot_testing.judging.motor_model import LOOSE_CONTACT, wrong_motor
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
+    from numpy.typing import NDArray
+
     from rtf.robot.boards.client import RemoteBoard
     from rtf.robot.interfaces import FloatArray
     from rtf.robot.model import RobotModel
     from rtf.robot.model.drives import Drive
+
+
+#: The fewest states with power that are judged.
+_FEWEST = 30
 
 
 class KnownMotor(NamedTuple):
@@ -29,11 +35,15 @@ class KnownMotor(NamedTuple):
 
 
 class MotorStates(NamedTuple):
-    """The last moments of the motors of a part: duty cycles (%), currents (A), rotor speeds (deg/s); (states, axes)."""
+    """The last moments of the motors of a part: duty cycles (%), currents (A), rotor speeds (deg/s); (states, axes).
+
+    ``powered`` says in which a motor has power: without, its circuit is open, and a speed drives no current.
+    """
 
     duties: FloatArray
     currents: FloatArray
     speeds: FloatArray
+    powered: NDArray[np.bool_]
 
 
 def known_motors(
@@ -63,8 +73,9 @@ def motor_evidence(
     """
     found = []
     for motor, one in motors.items():
-        columns = states.duties[:, motor], states.currents[:, motor], states.speeds[:, motor]
-        if not one.known or not all(np.isfinite(column).all() for column in columns):
+        there = states.powered[:, motor]
+        columns = states.duties[there, motor], states.currents[there, motor], states.speeds[there, motor]
+        if not one.known or there.sum() < _FEWEST or not all(np.isfinite(column).all() for column in columns):
             continue
         wrong = wrong_motor(*columns, one.drive, one.supply)
         if wrong and (motor in concerned or wrong.finding == LOOSE_CONTACT):

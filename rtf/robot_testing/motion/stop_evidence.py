@@ -112,13 +112,14 @@ def _last_moments(part: Part, until: float, transmission: Transmission) -> _Last
         return None
     joints, turns, duties = states.positions[chosen], states.motor_positions[chosen], states.duty_cycles[chosen]
     gearbox, coupling = transmission.gearbox, transmission.coupling
-    motors = None
+    modes, motors = states.control_modes[chosen], None
     if all(states.newest[1].valid[field] for field in (Field.MOTOR_VELOCITIES, Field.CURRENTS)):
-        motors = MotorStates(duties, states.currents[chosen], states.motor_velocities[chosen])
+        currents, speeds = states.currents[chosen], states.motor_velocities[chosen]
+        motors = MotorStates(duties, currents, speeds, powered=~np.isin(modes, _LIMP))
     return _LastMoments(
         motion=Motion.of(joints, turns, gearbox, coupling),
         drive=Drive(time[chosen], duties * np.sign(gearbox), joints, turns / gearbox, coupling),
-        modes=states.control_modes[chosen],
+        modes=modes,
         motors=motors,
     )
 
