@@ -13,7 +13,6 @@ from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.guard.snapshot import answered
 from rtf.robot_testing.joints_test import JointsTest, command_at
-from rtf.robot_testing.motion.disturbance import disturbance
 from rtf.robot_testing.motion.routines import run_queues
 from rtf.robot_testing.parameter_checks import swapped_limits
 from rtf.robot_testing.robot_name import robot_model
@@ -239,15 +238,11 @@ class JointLimits(JointsTest):
             f"{name} stops at {self.shown(position)}, {self.shown(missing)} short of its {side.name} limit of "
             f"{self.shown(side.limit, 'g')}"
         )
-        if missing > self.near[joint] and (why := self._hindered(joint)):
-            self.inconclusive(f"{text}; but {why}")
+        if missing > self.near[joint]:
+            self.end_if_disturbed(joint, text)
         hint = f"{text}; {likely_causes('short of limit')}"
         self.measure(f"short of the {side.name} limit", missing, "deg", high=self.near[joint], hint=hint)
         return missing
-
-    def _hindered(self, joint: int) -> str:
-        """Return which other joint kept one from its limit; "" if none is known."""
-        return self.explained(self.robot_part, joint) or disturbance(self.robot_part, joint)
 
     def _judge_block(self, joint: int, error: GuardError) -> None:
         """Judge the limit to which a joint was on its way when the guard found it blocked: it cannot be reached."""

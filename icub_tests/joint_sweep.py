@@ -12,7 +12,7 @@ from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.joints_test import JointsTest
 from rtf.robot_testing.judging.encoder_errors import Spikes, errors_of, spikes_of
 from rtf.robot_testing.judging.friction_profile import friction_profile
-from rtf.robot_testing.judging.motor_model import LOOSE_CONTACT, TOLERANCE, UNEVEN, motor_model, wrong_motor
+from rtf.robot_testing.judging.motor_model import LOOSE_CONTACT, TOLERANCE, UNEVEN, MotorRun, motor_model, wrong_motor
 from rtf.robot_testing.judging.statistics import jitter
 from rtf.robot_testing.judging.step_response import with_noise
 from rtf.robot_testing.motion.disturbance import limpness
@@ -302,7 +302,7 @@ class JointSweep(JointsTest):
         columns = (own.duties[:, joint], own.currents[:, joint], own.speeds[:, joint])
         if motor is None or not motor.known or not all(np.isfinite(column).all() for column in columns):
             return ""
-        wrong = wrong_motor(*columns, motor.drive, motor.supply)
+        wrong = wrong_motor(MotorRun(*columns, motor.drive, motor.supply))
         if wrong is None or wrong.finding != LOOSE_CONTACT:
             return ""
         return f"the motor of {self.robot_part.names[joint]}: {wrong.text}"
@@ -310,7 +310,7 @@ class JointSweep(JointsTest):
     def _judge_motor(self, name: str, joint: int, own: _States) -> None:
         """Compare the current of the joint's own motor with its duty cycle and its speed."""
         motor, duties, currents = self.motors[joint], own.duties[:, joint], own.currents[:, joint]
-        found = motor_model(duties, currents, own.speeds[:, joint], motor.drive, motor.supply)
+        found = motor_model(MotorRun(duties, currents, own.speeds[:, joint], motor.drive, motor.supply))
         # Where the duty cycle jumps, as for a noisy encoder, the current does so, too.
         driven = duties * motor.supply / (100.0 * motor.drive.resistance)
         noise = min(jitter(currents), jitter(currents - driven))

@@ -12,7 +12,6 @@ from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.joints_test import JointsTest
 from rtf.robot_testing.judging.real_time_checks import loop_delay
 from rtf.robot_testing.judging.step_response import step_response
-from rtf.robot_testing.motion.disturbance import disturbance
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -177,24 +176,19 @@ class MotorTest(JointsTest):
             if math.isfinite(found.settling_time):
                 self.measure("settling", found.settling_time, "s")
             beyond = found.overshoot / 100.0 * way
-            hint = (
-                f"{name} goes {self.shown(beyond)} beyond its target of {self.shown(target)}; "
-                f"{likely_causes('overshoot')}"
-            )
-            self._end_if_disturbed(joint, hint, wrong=beyond > self.overshoot)
+            text = f"{name} goes {self.shown(beyond)} beyond its target of {self.shown(target)}"
+            if beyond > self.overshoot:
+                self.end_if_disturbed(joint, text)
+            hint = f"{text}; {likely_causes('overshoot')}"
             self.measure("overshoot", beyond, "deg", high=self.overshoot, hint=hint)
         error = float(positions[-_LAST:].mean()) - target
         moved = abs(float(positions[-1]) - start)
         finding = "does not move" if moved < _SHORTEST else "weak"
-        hint = (
+        text = (
             f"{name} ends {self.shown(error, '+.2f')} from its target of {self.shown(target)}, after it moved "
-            f"{self.shown(moved)}; "
-            f"{likely_causes(finding)}"
+            f"{self.shown(moved)}"
         )
-        self._end_if_disturbed(joint, hint, wrong=not low <= error <= high)
+        if not low <= error <= high:
+            self.end_if_disturbed(joint, text)
+        hint = f"{text}; {likely_causes(finding)}"
         self.measure("final error", error, "deg", low=low, high=high, hint=hint)
-
-    def _end_if_disturbed(self, joint: int, text: str, *, wrong: bool) -> None:
-        """End as inconclusive if a value of a joint is wrong, and another one disturbs it."""
-        if wrong and (why := disturbance(self.robot_part, joint)):
-            self.inconclusive(f"{text}; but {why}")

@@ -12,6 +12,7 @@ from rtf.robot.errors import RobotError
 from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.judging.blame import Evidence, Strength, accused
+from rtf.robot_testing.motion.disturbance import disturbance
 from rtf.robot_testing.motion.part import TOLERANCE
 from rtf.robot_testing.motion.start_position import hold, late_evidence, late_held_joints
 from rtf.robot_testing.motion.stop_evidence import stop_evidence
@@ -185,6 +186,11 @@ class JointsTest(RobotTest):
         """End a joint as inconclusive that shares motors with one that is to blame for an earlier stop."""
         if text := self.explained(self.robot_part, joint):
             self.inconclusive(f"{self.robot_part.names[joint]} cannot be judged: {text}")
+
+    def end_if_disturbed(self, joint: int, text: str) -> None:
+        """End a joint as inconclusive whose value is wrong, as ``text`` says, if another one explains that."""
+        if why := self.explained(self.robot_part, joint) or disturbance(self.robot_part, joint):
+            self.inconclusive(f"{text}; but {why}")
 
     def judge_own_stop(self, joint: int, error: GuardError, say_first: Callable[[], object] = lambda: None) -> None:
         """Judge the stop of a motion during the routine of a joint, see ``judge_stop``; another joint is held, too."""

@@ -90,48 +90,66 @@ class WrongMotor(NamedTuple):
     finding: str
 
 
-def wrong_motor(
-    duties: FloatArray, currents: FloatArray, speeds: FloatArray, drive: Drive, supply: float
-) -> WrongMotor | None:
+class MotorRun(NamedTuple):
+    """What a motor did: its duty cycles (%), currents (A) and rotor speeds (deg/s), and its drive and supply (V)."""
+
+    duties: FloatArray
+    currents: FloatArray
+    speeds: FloatArray
+    drive: Drive
+    supply: float
+
+    @property
+    def driven(self) -> FloatArray:
+        """The currents that the duty cycles drive (A)."""
+        volts = self.duties * self.supply / _PER_CENT - np.radians(self.speeds) * self.drive.torque_constant
+        driven: FloatArray = volts / self.drive.resistance
+        return driven
+
+    @property
+    def noise(self) -> float:
+        """What the current sensor shows without a current, at most (A)."""
+        return _OUTSIDE * (self.drive.current_noise + self.drive.current_step)
+
+    @property
+    def is_hasty(self) -> bool:
+        """Whether the duty cycle changes faster than the states show, so that a current belongs to another one."""
+        if len(self.duties) < _FEWEST:
+            return False
+        return float(np.std(np.diff(self.duties))) > _HASTY * math.sqrt(2.0) * float(np.std(self.duties))
+
+    def where(self, states: NDArray[np.bool_]) -> MotorRun:
+        """Return some of the states."""
+        return self._replace(duties=self.duties[states], currents=self.currents[states], speeds=self.speeds[states])
+
+
+def wrong_motor(run: MotorRun) -> WrongMotor | None:
     """Return what is wrong with a motor by its states, see ``motor_model``; None if nothing is, or they do not show it.
 
     They show what the model says in both directions, currents by duty cycles and these by currents. Noise, as of the
     speeds of a motor whose current hardly changes, makes one of them say too much and the other one too little.
     """
-    noise = _OUTSIDE * (drive.current_noise + drive.current_step)
-    if _size(currents) <= noise:
-        expected = _driven(duties, speeds, drive, supply)
-        return WrongMotor("it has no current", "current sensor") if _size(expected) > _OUTSIDE * noise else None
-    off = _without_current(duties, currents, speeds, drive, supply)
-    rest = duties[~off], currents[~off], speeds[~off]
-    if off.sum() >= _MOMENTS and _flows(*rest, drive, supply) and _misfit(*rest, drive, supply) is None:
+    if _size(run.currents) <= run.noise:
+        lacks = _size(run.driven) > _OUTSIDE * run.noise
+        return WrongMotor("it has no current", "current sensor") if lacks else None
+    off = _without_current(run)
+    rest = run.where(~off)
+    if off.sum() >= _MOMENTS and _flows(rest) and _misfit(rest) is None:
         text = f"it has no current in {off.sum()} of {len(off)} states, and a duty cycle for one"
         return WrongMotor(text, LOOSE_CONTACT)
-    return _misfit(duties, currents, speeds, drive, supply)
+    return _misfit(run)
 
 
-def _misfit(
-    duties: FloatArray, currents: FloatArray, speeds: FloatArray, drive: Drive, supply: float
-) -> WrongMotor | None:
+def _misfit(run: MotorRun) -> WrongMotor | None:
     """Return what is wrong with the model of a motor, or with its levels where no model can be fitted."""
-    if _is_hasty(duties):
-        return None
-    columns = duties, currents, speeds, drive, supply
-    return _wrong_model(*columns) or _wrong_level(*columns) or _wrong_speed(*columns)
+    return None if run.is_hasty else _wrong_model(run) or _wrong_level(run) or _wrong_speed(run)
 
 
-def _is_hasty(values: FloatArray) -> bool:
-    """Return whether values change faster than the states show, so that currents belong to others."""
-    return float(np.std(np.diff(values))) > _HASTY * math.sqrt(2.0) * float(np.std(values))
-
-
-def _wrong_model(
-    duties: FloatArray, currents: FloatArray, speeds: FloatArray, drive: Drive, supply: float
-) -> WrongMotor | None:
+def _wrong_model(run: MotorRun) -> WrongMotor | None:
     """Return what is wrong with a motor by its model, if both directions of the fit say it."""
-    found = motor_model(duties, currents, speeds, drive, supply)
-    even = 1.0 if math.isnan(found.uneven) else np.where(duties > 0.0, found.upwards, found.downwards) / found.gain
-    gain, constant = _backwards(even * duties, currents, speeds, drive, supply)
+    found = motor_model(run)
+    even = 1.0 if math.isnan(found.uneven) else np.where(run.duties > 0.0, found.upwards, found.downwards) / found.gain
+    gain, constant = _backwards(run._replace(duties=even * run.duties))
     if not abs(found.gain - gain) <= TOLERANCE:
         return None
     if abs(found.gain - 1.0) > TOLERANCE:
@@ -144,65 +162,54 @@ def _wrong_model(
     return None
 
 
-def _wrong_level(
-    duties: FloatArray, currents: FloatArray, speeds: FloatArray, drive: Drive, supply: float
-) -> WrongMotor | None:
+def _wrong_level(run: MotorRun) -> WrongMotor | None:
     """Return that the current is another one than the duty cycle drives, nearly always while that has one sign.
 
     That shows where the current hardly changes, so that no model can be fitted: a joint at rest has the same torque
     whatever its motor needs for it.
     """
-    driven, allowed = _driven(duties, speeds, drive, supply), _OFFSET * drive.current_noise + drive.current_step
-    wrong = {}
+    offset = _OFFSET * run.drive.current_noise
     for way in (1.0, -1.0):
-        there = way * driven > _OFFSET * drive.current_noise
-        apart = np.abs(currents[there] - driven[there]) > TOLERANCE * np.abs(driven[there]) + allowed
-        wrong[way] = there.sum() >= _FEWEST and float(apart.mean()) >= _NEARLY
-    ways = [way for way, is_wrong in wrong.items() if is_wrong]
-    if not ways:
-        return None
-    there = ways[0] * driven > _OFFSET * drive.current_noise
-    shown, wanted = float(np.median(currents[there])), float(np.median(driven[there]))
-    finding = "uneven amplifier" if len(ways) == 1 and (duties * ways[0] < 0.0).sum() >= _FEWEST else "current sensor"
-    return WrongMotor(f"its current is {shown:.2g} A where its duty cycle drives {wanted:.2g} A", finding)
+        there = run.where(way * run.driven > offset)
+        if len(there.duties) < _FEWEST:
+            continue
+        wrong = np.abs(there.currents - there.driven) > TOLERANCE * np.abs(there.driven) + offset
+        if wrong.mean() >= _NEARLY:
+            shown, wanted = float(np.median(there.currents)), float(np.median(there.driven))
+            text = f"its current is {shown:.2g} A where its duty cycle drives {wanted:.2g} A"
+            return WrongMotor(text, "current sensor")
+    return None
 
 
-def _wrong_speed(
-    duties: FloatArray, currents: FloatArray, speeds: FloatArray, drive: Drive, supply: float
-) -> WrongMotor | None:
+def _wrong_speed(run: MotorRun) -> WrongMotor | None:
     """Return that a motor is slower for its duty cycle than its drive says, where its current hardly changes.
 
     Then duty cycles show what a speed needs. Noise of the speeds would make that less.
     """
-    columns = np.column_stack([currents, speeds, np.ones(len(duties))])
-    values, errors, noise = _fit(columns, duties)
-    needed = math.radians(1.0) * drive.torque_constant * _PER_CENT / supply  # per cent, for a deg/s
+    values, errors, noise = _duties_by_currents(run)
+    needed = math.radians(1.0) * run.drive.torque_constant * _PER_CENT / run.supply  # per cent, for a deg/s
     share = float(values[1]) / needed
-    if errors[1] > _CERTAIN * needed or noise > _LEFT * float(np.std(duties)) or share < 1.0 + TOLERANCE:
+    if errors[1] > _CERTAIN * needed or noise > _LEFT * float(np.std(run.duties)) or share < 1.0 + TOLERANCE:
         return None
     return WrongMotor(f"it needs {share:.0%} of the duty cycle that its drive needs for a speed", "weak amplifier")
 
 
-def _without_current(
-    duties: FloatArray, currents: FloatArray, speeds: FloatArray, drive: Drive, supply: float
-) -> NDArray[np.bool_]:
+def _without_current(run: MotorRun) -> NDArray[np.bool_]:
     """Return in which states a motor has no current although its duty cycle drives one.
 
     One or two states are none: a duty cycle that is shown a state before its current looks like that where it changes.
     Nor are those beside a change of its sign, of which there are many where a controller drives to and fro.
     """
-    noise = _OUTSIDE * (drive.current_noise + drive.current_step)
-    driven = _driven(duties, speeds, drive, supply)
-    off = (np.abs(currents) <= noise) & (np.abs(driven) > max(_OUTSIDE * noise, _HARD * supply / drive.resistance))
+    driven, least = run.driven, max(_OUTSIDE * run.noise, _HARD * run.supply / run.drive.resistance)
+    off = (np.abs(run.currents) <= run.noise) & (np.abs(driven) > least)
     found: NDArray[np.bool_] = off & (_lasting(driven > 0.0) | _lasting(driven < 0.0))
     return found
 
 
-def _flows(duties: FloatArray, currents: FloatArray, speeds: FloatArray, drive: Drive, supply: float) -> bool:
+def _flows(run: MotorRun) -> bool:
     """Return whether a motor has a current that its duty cycle drives."""
-    driven = _driven(duties, speeds, drive, supply)
-    there = np.abs(driven) > _OUTSIDE * (drive.current_noise + drive.current_step)
-    return bool(there.any()) and float(np.median(currents[there] / driven[there])) > _FLOWS
+    there = run.where(np.abs(run.driven) > run.noise)
+    return len(there.duties) > 0 and float(np.median(there.currents / there.driven)) > _FLOWS
 
 
 def _lasting(states: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -212,21 +219,17 @@ def _lasting(states: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return found
 
 
-def _driven(duties: FloatArray, speeds: FloatArray, drive: Drive, supply: float) -> FloatArray:
-    """Return the currents that duty cycles drive (A)."""
-    volts = duties * supply / _PER_CENT - np.radians(speeds) * drive.torque_constant
-    driven: FloatArray = volts / drive.resistance
-    return driven
-
-
-def _backwards(
-    duties: FloatArray, currents: FloatArray, speeds: FloatArray, drive: Drive, supply: float
-) -> tuple[float, float]:
+def _backwards(run: MotorRun) -> tuple[float, float]:
     """Return the scale of the currents and the torque constant by duty cycles that are explained by currents."""
-    (by_current, by_speed, _), *_ = _fit(np.column_stack([currents, speeds, np.ones(len(duties))]), duties)
-    volts = supply / _PER_CENT
-    gain = drive.resistance / (volts * by_current) if by_current else math.inf
-    return float(gain), float(volts * by_speed / (math.radians(1.0) * drive.torque_constant))
+    (by_current, by_speed, _), *_ = _duties_by_currents(run)
+    volts = run.supply / _PER_CENT
+    gain = run.drive.resistance / (volts * by_current) if by_current else math.inf
+    return float(gain), float(volts * by_speed / (math.radians(1.0) * run.drive.torque_constant))
+
+
+def _duties_by_currents(run: MotorRun) -> tuple[FloatArray, FloatArray, float]:
+    """Return the fit of duty cycles by currents, speeds and a constant, see ``_fit``."""
+    return _fit(np.column_stack([run.currents, run.speeds, np.ones(len(run.duties))]), run.duties)
 
 
 def _size(values: FloatArray) -> float:
@@ -234,13 +237,9 @@ def _size(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def motor_model(
-    duties: FloatArray, currents: FloatArray, speeds: FloatArray, drive: Drive, supply: float
-) -> MotorModel:
-    """Return the model of a motor from its states: duty cycles (per cent), currents (A) and rotor speeds (deg/s).
-
-    ``supply`` is the voltage now (V); resistance and torque constant are those that its ``drive`` says.
-    """
+def motor_model(run: MotorRun) -> MotorModel:
+    """Return the model of a motor from its states, by the resistance and the torque constant that its drive says."""
+    duties, currents, speeds, drive, supply = run
     ways = [duties >= _DRIVEN, duties <= -_DRIVEN]
     driven = [way.sum() >= _FEWEST for way in ways]
     if not any(driven):

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rtf.robot.model.drives import Drive
-from rtf.robot_testing.judging.motor_model import MotorModel, WrongMotor, motor_model, wrong_motor
+from rtf.robot_testing.judging.motor_model import MotorModel, MotorRun, WrongMotor, motor_model, wrong_motor
 
 SUPPLY, RESISTANCE, CONSTANT = 24.0, 3.0, 0.03
 DRIVE = Drive("current", SUPPLY, RESISTANCE, CONSTANT, 0.01, 0.001, assumed=False, turns=100.0)
@@ -30,7 +30,7 @@ def states(*, count: int = 600, load: float = 0.3, seed: int = 0) -> tuple[np.nd
 
 def fitted(duties: np.ndarray, currents: np.ndarray, speeds: np.ndarray) -> MotorModel:
     """The model of these states."""
-    return motor_model(duties, currents, speeds, DRIVE, SUPPLY)
+    return motor_model(MotorRun(duties, currents, speeds, DRIVE, SUPPLY))
 
 
 def test_a_healthy_motor_is_what_its_drive_says():
@@ -108,7 +108,7 @@ def test_what_the_motion_does_not_show_is_unknown():
 
 def wrong(duties: np.ndarray, currents: np.ndarray, speeds: np.ndarray) -> str:
     """What is said of the motor."""
-    found = wrong_motor(duties, currents, speeds, DRIVE, SUPPLY)
+    found = wrong_motor(MotorRun(duties, currents, speeds, DRIVE, SUPPLY))
     return found.text if found else ""
 
 
@@ -184,7 +184,7 @@ def test_a_current_that_is_interrupted_is_a_loose_contact():
         open_circuit[hard[:count]] = 0.0
         duties_then = duties.copy()
         duties_then[hard[:count]] = np.sign(duties[hard[:count]]) * 100.0
-        wrong = wrong_motor(duties_then, open_circuit, speeds, DRIVE, SUPPLY)
+        wrong = wrong_motor(MotorRun(duties_then, open_circuit, speeds, DRIVE, SUPPLY))
         text = f"it has no current in {count} of 600 states, and a duty cycle for one"
         assert wrong == (WrongMotor(text, "loose contact") if found else None)
 
@@ -195,5 +195,5 @@ def test_a_current_that_changes_its_sign_has_no_loose_contact():
     currents = duties * SUPPLY / (100.0 * DRIVE.resistance)
     late = np.roll(currents, 1)
     late[1:][np.diff(duties) != 0.0] = 0.0  # on its way from one to the other
-    found = wrong_motor(duties, late, np.zeros(600), DRIVE, SUPPLY)
+    found = wrong_motor(MotorRun(duties, late, np.zeros(600), DRIVE, SUPPLY))
     assert found is None or found.finding != "loose contact"
