@@ -231,7 +231,9 @@ class DutyTest(JointsTest):
         if not (yield from motor.rest(held=held)):
             turned, moved = motor.restless
             ways = self.robot_part.shown(motor.joint, turned), self.robot_part.shown(motor.joint, moved)
-            self.inconclusive(_restless(self.robot_part.names[motor.joint], turned, moved, ways))
+            text = _restless(self.robot_part.names[motor.joint], turned, moved, ways)
+            self.end_if_disturbed(motor.joint, text)
+            self.inconclusive(text)
         steps = self._steps_of[motor.joint]
         return (yield from motor.ramp(sign, **steps._asdict(), margin=LIMIT_MARGIN))
 
