@@ -152,12 +152,13 @@ def _wrong_model(run: MotorRun) -> WrongMotor | None:
     gain, constant = _backwards(run._replace(duties=even * run.duties))
     if not abs(found.gain - gain) <= TOLERANCE:
         return None
-    if abs(found.gain - 1.0) > TOLERANCE:
+    if min(abs(found.gain - 1.0), abs(gain - 1.0)) > TOLERANCE:
         return WrongMotor(f"its current is {found.gain:.0%} of what its duty cycle drives", "current sensor")
     if abs(found.uneven) > UNEVEN:
         way = "positive" if found.uneven < 0.0 else "negative"
         return WrongMotor(f"a {way} duty cycle drives {abs(found.uneven):.0%} less current", "uneven amplifier")
-    if abs(found.constant - 1.0) > TOLERANCE and abs(found.constant - constant) <= TOLERANCE:
+    apart = min(abs(found.constant - 1.0), abs(constant - 1.0))
+    if apart > TOLERANCE and abs(found.constant - constant) <= TOLERANCE:
         return WrongMotor(f"its torque constant is {found.constant:.0%} of that in robot.toml", "weak magnets")
     return None
 
