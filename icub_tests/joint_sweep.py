@@ -12,7 +12,7 @@ from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.joints_test import JointsTest
 from rtf.robot_testing.judging.encoder_errors import Spikes, errors_of, spikes_of
 from rtf.robot_testing.judging.friction_profile import friction_profile
-from rtf.robot_testing.judging.motor_model import LOOSE_CONTACT, TOLERANCE, UNEVEN, MotorRun, motor_model, wrong_motor
+from rtf.robot_testing.judging.motor_model import TOLERANCE, UNEVEN, MotorRun, interruption, motor_model
 from rtf.robot_testing.judging.statistics import jitter
 from rtf.robot_testing.judging.step_response import with_noise
 from rtf.robot_testing.motion.disturbance import limpness
@@ -215,7 +215,7 @@ class JointSweep(JointsTest):
             self._judge_spikes(name, whose, spikes)
         agree = self._judge_encoders(name, own.time, joints, motors, near)
         text = self._interruption(joint, own)
-        if not self.check_fail_if_true(text, f"{text}; {likely_causes(LOOSE_CONTACT)}"):
+        if not self.check_fail_if_true(text, f"{text}; {likely_causes('loose contact')}"):
             return  # what it needs more then is no friction
         duties = self.transmission.joint_duties(own.duties, joint)
         if np.isfinite(duties).all():
@@ -302,10 +302,8 @@ class JointSweep(JointsTest):
         columns = (own.duties[:, joint], own.currents[:, joint], own.speeds[:, joint])
         if motor is None or not motor.known or not all(np.isfinite(column).all() for column in columns):
             return ""
-        wrong = wrong_motor(MotorRun(*columns, motor.drive, motor.supply))
-        if wrong is None or wrong.finding != LOOSE_CONTACT:
-            return ""
-        return f"the motor of {self.robot_part.names[joint]}: {wrong.text}"
+        found = interruption(MotorRun(*columns, motor.drive, motor.supply))
+        return f"the motor of {self.robot_part.names[joint]}: {found.text}" if found else ""
 
     def _judge_motor(self, name: str, joint: int, own: _States) -> None:
         """Compare the current of the joint's own motor with its duty cycle and its speed."""

@@ -36,8 +36,6 @@ _LEFT = 0.3
 _HASTY = 0.5
 #: Noise of a current sensor that is no current, in standard deviations.
 _OUTSIDE = 3.0
-#: The finding on a motor that has no current for moments.
-LOOSE_CONTACT = "loose contact"
 #: What a current sensor may be off by, in standard deviations of its noise: 2 % of the peak current, of which the noise
 #: is 0.5 % by default; and the share of states with a wrong current that are nearly all.
 _OFFSET, _NEARLY = 4.0, 0.8
@@ -132,12 +130,20 @@ def wrong_motor(run: MotorRun) -> WrongMotor | None:
     if _size(run.currents) <= run.noise:
         lacks = _size(run.driven) > _OUTSIDE * run.noise
         return WrongMotor("it has no current", "current sensor") if lacks else None
+    return interruption(run) or _misfit(run)
+
+
+def interruption(run: MotorRun) -> WrongMotor | None:
+    """Return that a motor has no current for moments although its duty cycle drives one; None if it has, or never has.
+
+    Without these moments it is as its drive says.
+    """
     off = _without_current(run)
     rest = run.where(~off)
-    if off.sum() >= _MOMENTS and _flows(rest) and _misfit(rest) is None:
-        text = f"it has no current in {off.sum()} of {len(off)} states, and a duty cycle for one"
-        return WrongMotor(text, LOOSE_CONTACT)
-    return _misfit(run)
+    if off.sum() < _MOMENTS or _size(run.currents) <= run.noise or not _flows(rest) or _misfit(rest) is not None:
+        return None
+    text = f"it has no current in {off.sum()} of {len(off)} states, and a duty cycle for one"
+    return WrongMotor(text, "loose contact")
 
 
 def _misfit(run: MotorRun) -> WrongMotor | None:

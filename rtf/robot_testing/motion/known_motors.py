@@ -8,7 +8,7 @@ import numpy as np
 
 from rtf.robot.errors import NotSupportedError, RefusedError
 from rtf.robot_testing.judging.blame import Evidence
-from rtf.robot_testing.judging.motor_model import LOOSE_CONTACT, MotorRun, wrong_motor
+from rtf.robot_testing.judging.motor_model import MotorRun, interruption, wrong_motor
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
@@ -77,8 +77,8 @@ def motor_evidence(
         columns = states.duties[there, motor], states.currents[there, motor], states.speeds[there, motor]
         if not one.known or there.sum() < _FEWEST or not all(np.isfinite(column).all() for column in columns):
             continue
-        wrong = wrong_motor(MotorRun(*columns, one.drive, one.supply))
-        if wrong and (motor in concerned or wrong.finding == LOOSE_CONTACT):
+        judge = wrong_motor if motor in concerned else interruption
+        if wrong := judge(MotorRun(*columns, one.drive, one.supply)):
             text = f"the motor of {names[motor]}: {wrong.text}"
             found.append(Evidence(frozenset({motor}), text, (wrong.finding,)))
     return found

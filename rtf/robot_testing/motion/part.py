@@ -78,8 +78,7 @@ class Part:
         self.guard = guard
         #: See :attr:`rtf.robot.model.Part.together`.
         self.together = together
-        self.simulated = simulated
-        self._robot = robot
+        self._robot, self._simulated = robot, simulated
         if guard is not None and isinstance(board, ReadOnlyBoard):
             board.allow_commands()
         self.axes = board.axes()
@@ -100,7 +99,7 @@ class Part:
     @cached_property
     def motors(self) -> dict[int, KnownMotor]:
         """Its motors that robot.toml describes."""
-        return known_motors(self.board, self.names, self._robot, simulated=self.simulated) if self._robot else {}
+        return known_motors(self.board, self.names, self._robot, simulated=self._simulated) if self._robot else {}
 
     def queues(self, joints: Iterable[int]) -> list[list[list[int]]]:
         """Return the queues of joints that may be moved at the same time, each a list of groups."""
