@@ -6,9 +6,13 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from rtf.errors import nearest
+from rtf.robot.errors import RobotError
+from rtf.simulator.control_client import SimulatorControl
 from rtf.testing.parameters import ParameterError
 
 if TYPE_CHECKING:
+    from rtf.middleware.ports.network import Network
+    from rtf.testing import TestCase
     from rtf.testing.parameters import Declared
 
 
@@ -46,6 +50,18 @@ def parse_injection(text: str) -> Injection:
         own = {parameter.name for parameter in find_kind(kind).parameters}
         times = {name: values.pop(name) for name in times if name not in own}
     return Injection(kind, "" if target == "-" else target, values, **times)
+
+
+def inject_fault(test: TestCase, robot: str, network: Network) -> None:
+    """Inject the fault of a test into its simulated robot. Clean-up resets the robot: at home and healthy."""
+    control = SimulatorControl(robot, network=network)
+    test.add_cleanup(control.close)
+    kind, target, values, delay, duration = parse_injection(test.parameter_values()["inject"])
+    test.add_cleanup(control.reset)
+    try:
+        control.inject(kind, target, values, delay=delay, duration=duration)
+    except RobotError as error:
+        test.assert_error(f"inject: {error}")
 
 
 def wrong_fault(test: Declared) -> list[str]:

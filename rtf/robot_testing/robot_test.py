@@ -30,16 +30,15 @@ from rtf.robot_testing.guard.planned_moves import MoveCheck, read_positions
 from rtf.robot_testing.guard.read_only_board import connect_read_only
 from rtf.robot_testing.guard.safety import Safety
 from rtf.robot_testing.guard.simulated import is_simulated
-from rtf.robot_testing.injected_fault import parse_injection, wrong_fault
+from rtf.robot_testing.injected_fault import inject_fault, wrong_fault
 from rtf.robot_testing.judging.blame import Evidence, Strength, accused, blame, settle
 from rtf.robot_testing.judging.real_time_checks import CpuPressure, overload
 from rtf.robot_testing.motion.part import Part
-from rtf.robot_testing.motion.stop_evidence import stop_evidence
+from rtf.robot_testing.motion.stop_evidence import complaint_of_stop, stop_evidence
 from rtf.robot_testing.parameter_checks import drop_surplus, refuse, wrong_lists
 from rtf.robot_testing.robot_name import ROBOT_VARIABLE, robot_model, robot_name
 from rtf.robot_testing.slides import as_text, converted, open_board, slides_of
 from rtf.robot_testing.thresholds import thresholds_for
-from rtf.simulator.control_client import SimulatorControl
 from rtf.testing import Parameter, TestCase, Unit
 from rtf.testing.permission import has_permission
 
@@ -178,18 +177,7 @@ class RobotTest(TestCase):
         if self.safety is not Safety.STILL and not self.simulated:
             self._ask_for_permission()
         if self.inject:
-            self._inject()
-
-    def _inject(self) -> None:
-        """Inject the fault into the simulated robot. Clean-up resets the robot: at home and healthy."""
-        control = SimulatorControl(self.robot_name, network=self.network)
-        self.add_cleanup(control.close)
-        kind, target, values, delay, duration = parse_injection(self.inject)
-        self.add_cleanup(control.reset)
-        try:
-            control.inject(kind, target, values, delay=delay, duration=duration)
-        except RobotError as error:
-            self.assert_error(f"inject: {error}")
+            inject_fault(self, self.robot_name, self.network)
 
     @cached_property
     def simulated(self) -> bool:
@@ -320,12 +308,7 @@ class RobotTest(TestCase):
     # Judging -----------------------------------------------------------------------------------------------------
 
     def judge_stop(
-        self,
-        part: Part,
-        joint: int,
-        error: GuardError,
-        *findings: str,
-        say_first: Callable[[], object] = lambda: None,
+        self, part: Part, joint: int, error: GuardError, *findings: str, say_first: Callable[[], object] = lambda: None
     ) -> None:
         """Judge the stop of a motion by the guard while a joint was tested: see ``judging/blame.py``.
 
@@ -338,7 +321,7 @@ class RobotTest(TestCase):
         found = stop_evidence(part, error, moved=joint)
         self._note(part, joint, found)
         wrong = accused(found)
-        own = _complaint(joint, error, findings)
+        own = complaint_of_stop(joint, error, findings)
         first = self.first_stop(part, next(iter(wrong.values()), own))
         complaints = {joint: own, **{one: wrong[one] for one in wrong if one != joint}}
         for one, complaint in complaints.items():
@@ -415,7 +398,7 @@ class RobotTest(TestCase):
         found = stop_evidence(part, error)
         concerned = joints or range(part.axes)
         joint = next((one for one in accused(found) if one in concerned), concerned[0])
-        settle(self, blame(joint, _complaint(joint, error, findings, during), found))
+        settle(self, blame(joint, complaint_of_stop(joint, error, findings, during), found))
 
     # Values ------------------------------------------------------------------------------------------------------
 
@@ -506,13 +489,6 @@ class RobotTest(TestCase):
     def sleep(self, seconds: float) -> None:
         """Wait for ``seconds`` of the robot's time."""
         self.clock.sleep(seconds)
-
-
-def _complaint(joint: int, error: GuardError, findings: Sequence[str], during: str = "") -> Evidence:
-    """Return the complaint about a joint because of a stop; one that was blocked has causes of its own."""
-    causes = (error.finding,) if error.finding == "blocked" or not findings else tuple(findings)
-    text = f"{during}: {error}" if during else str(error)
-    return Evidence.uncertain(joint, text, *causes, excuse=error.excuse)
 
 
 #: Time for the first state of a board, s of the robot's clock: usually, and at most on a busy machine.

@@ -27,7 +27,7 @@ from rtf.robot_testing.judging.swaying import swaying_evidence
 from rtf.robot_testing.motion.known_motors import MotorStates, motor_evidence
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Collection, Sequence
 
     from numpy.typing import NDArray
 
@@ -69,6 +69,13 @@ def stop_evidence(
         works = last is None or abs(last.drive.last_efforts[error.joint]) >= LARGE
         found.append(_word_of_the_guard(part, error, moved if works else -1))
     return found
+
+
+def complaint_of_stop(joint: int, error: GuardError, findings: Sequence[str], during: str = "") -> Evidence:
+    """Return the complaint about a joint because of a stop; one that was blocked has causes of its own."""
+    causes = (error.finding,) if error.finding == "blocked" or not findings else tuple(findings)
+    text = f"{during}: {error}" if during else str(error)
+    return Evidence.uncertain(joint, text, *causes, excuse=error.excuse)
 
 
 def _word_of_the_guard(part: Part, error: GuardError, moved: int) -> Evidence:
