@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -14,10 +14,13 @@ from rtf.robot_testing.motion.part import PACE
 from rtf.robot_testing.motion.routines import run_to_end
 from rtf.robot_testing.motion.start_position import bring, hold, starting_point
 from rtf.robot_testing.torque_control import holding_torques, torque_joints
+from rtf.robot_testing.torque_disturbance import motors_by_torques, torque_disturbance
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from numpy.typing import NDArray
 
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Part
@@ -67,110 +70,119 @@ class TorqueControlConsistency(RobotTest):
         self.transmission = Transmission.read_couplings(part.board)
         self.transmission.warn_if_unknown(self, part.name)
         zeros: list[float | None] = [*self.per_joint("zero", self.zero, self.chosen)] if self.zero else []
-        self.places = [
-            starting_point(part, joint, zero, _TRAVEL / 2, both_sides=True)[0]
+        self.places = {
+            joint: starting_point(part, joint, zero, _TRAVEL / 2, both_sides=True)[0]
             for joint, zero in zip(self.chosen, zeros or [None] * len(self.chosen), strict=True)
-        ]
-        bring(self, part, self.chosen, self.places)
+        }
+        try:
+            bring(self, part, self.chosen, [*self.places.values()])
+        except GuardError as error:
+            self.blame(part, error, joints=self.chosen)
 
     def run(self) -> None:
         """Test the forms in turn; in the single form joint by joint."""
         part = self.robot_part
         for number, form in enumerate(_FORMS):
             self.progress(number / len(_FORMS), form)
-            groups = [[joint] for joint in self.chosen] if form == "single" else [self.chosen]
-            for group in groups:
-                try:
-                    try:
-                        self._test(part, form, group)
-                    finally:
-                        hold(part, group)
-                except GuardError as error:  # also on the way back
-                    self.blame(part, error, "runs away", joints=group, during=form)
-                part.wait(_MODE_TIME)
-        bring(self, part, self.chosen, self.places)
+            if form == "single":
+                for joint in self.chosen:
+                    self._test_alone(part, joint)
+            else:
+                self._test_together(part, form)
+        kept = {joint: place for joint, place in self.places.items() if joint in part.held()}
+        bring(self, part, [*kept], [*kept.values()])
+
+    def _test_alone(self, part: Part, joint: int) -> None:
+        if self.judge_if_lost(part, joint):
+            return
+        try:
+            self._test(part, "single", [joint])
+        except GuardError as error:
+            known = motors_by_torques(part, self.transmission, joint)
+            self.judge_stop(part, joint, error, "runs away", known=known)
+        part.wait(_MODE_TIME)
+
+    def _test_together(self, part: Part, form: str) -> None:
+        joints = part.held(self.chosen)
+        self.assert_fail_if_false(joints, "no joint is left to test")
+        try:
+            self._test(part, form, joints)
+        except GuardError as error:
+            self.blame(part, error, "runs away", joints=joints, during=form)
+        part.wait(_MODE_TIME)
 
     def _test(self, part: Part, form: str, joints: Sequence[int]) -> None:
-        torques = run_to_end(part, holding_torques(self, part, joints, _HOLDING), pace=PACE)
-        held, others = torques[list(joints)], self._others(joints)
-        before = part.board.encoders()
-        part.board.set_control_modes([ControlMode.TORQUE] * len(joints), joints)
-        if others:  # joints in other modes ignore the command
-            part.board.set_reference_torques(torques[others], others)
-        self._tell(part, form, joints, held, torques)
-        part.wait_until(lambda: bool(self._in_torque_mode(part, joints).all()), _MODE_TIME, pace=0.01)
-        found = []
-        for change in (self.change, 0.0, -self.change):
-            wanted = held + change
-            self._tell(part, form, joints, wanted, torques)
-            part.wait_to_arrive(partial(self._has_arrived, part, joints, wanted), _ARRIVING, pace=0.01)
-            measured, gone = self._measure(part, [*joints, *others], wanted, before)
-            found.append((
-                change, wanted, part.board.reference_torques(joints), measured,
-                self._in_torque_mode(part, joints),
-            ))  # fmt: skip
-            if gone.max() > _TRAVEL:
-                break
-        excuse = part.guard.excuse() if part.guard is not None and gone.max() > _TRAVEL else ""
+        """Test joints at a time. Raises GuardError, also for a stop on the way back."""
+        try:
+            found, ways = self._answers(part, form, joints)
+        finally:
+            hold(part, joints)
+        moved = {joint: float(way) for joint, way in ways.items() if way > _TRAVEL}
+        excuse = part.guard.excuse() if part.guard is not None and moved else ""
         if form == "single":
-            self._stayed |= {joint for place, joint in enumerate(joints) if gone[place] <= _TRAVEL}
-        hold(part, joints)
-        for place, joint in enumerate([*joints, *others]):
-            if place >= len(joints) and gone[place] <= _TRAVEL:
-                continue
+            self._stayed |= {*joints} - {*moved}
+        for joint in [*joints, *sorted({*moved} - {*joints})]:
             with self.subresult(f"{part.names[joint]} {form}"):
-                pulled = ""
-                if gone[place] > _TRAVEL:
-                    what = (
-                        f"{part.names[joint]} moved by {part.shown(joint, gone[place], '.1f')} at torques within "
-                        f"{part.shown_torque(joint, self.change, 'g')} of its holding torque; "
-                        f"{part.shown(joint, _TRAVEL, 'g')} are allowed"
-                    )
-                    if excuse:  # they hold it for a moment only
-                        self.inconclusive(f"{what}; but {excuse}")
-                    if len(joints) > 1 and joint in self._stayed:
-                        pulled = f"{what}; but it stays when it is tested alone: another joint moves it"
-                    else:
-                        self.check(False, f"{what}; {likely_causes('runs away')}")
-                for change, wanted, reported, measured, kept in found if place < len(joints) else ():
-                    self._judge(
-                        part.names[joint],
-                        change,
-                        wanted[place],
-                        reported[place],
-                        measured[place],
-                        kept=bool(kept[place]),
-                    )
+                pulled = self._judge_way(part, joint, moved[joint], excuse) if joint in moved else ""
+                for one in found if joint in joints else ():
+                    self._judge(part, joint, one)
                 if pulled:
                     self.inconclusive(pulled)
+
+    def _answers(self, part: Part, form: str, joints: Sequence[int]) -> tuple[list[_Answer], dict[int, float]]:
+        """Command the torques in turn; return the answers, and how far each joint moved in the end (deg)."""
+        torques = run_to_end(part, holding_torques(self, part, joints, _HOLDING), pace=PACE)
+        chosen, others = [*joints], self._others(joints)
+        told = np.full(part.axes, np.nan)
+        told[chosen + others] = torques[chosen + others]
+        before = part.board.encoders()
+        part.board.set_control_modes([ControlMode.TORQUE] * len(chosen), chosen)
+        if others:  # joints in other modes ignore the command
+            part.board.set_reference_torques(torques[others], others)
+        self._tell(part, form, chosen, torques[chosen], torques)
+        part.wait_until(lambda: bool(self._in_torque_mode(part, chosen).all()), _MODE_TIME, pace=0.01)
+        found = []
+        for change in (self.change, 0.0, -self.change):
+            told[chosen] = torques[chosen] + change
+            self._tell(part, form, chosen, told[chosen], torques)
+            part.wait_to_arrive(partial(self._has_arrived, part, chosen, told[chosen]), _ARRIVING, pace=0.01)
+            measured, ways = self._measure(part, chosen, told, before)
+            reported = np.full(part.axes, np.nan)
+            reported[chosen] = part.board.reference_torques(chosen)
+            found.append(_Answer(change, told.copy(), reported, measured, self._in_torque_mode(part)))
+            if ways[chosen + others].max() > _TRAVEL:
+                break
+        return found, {joint: ways[joint] for joint in chosen + others}
 
     def _has_arrived(self, part: Part, joints: Sequence[int], wanted: FloatArray) -> bool:
         """Whether the references at the board are those that were sent."""
         return bool((np.abs(part.board.reference_torques(joints) - wanted) <= self.tolerance).all())
 
     def _measure(
-        self, part: Part, joints: Sequence[int], wanted: FloatArray, before: FloatArray
+        self, part: Part, joints: Sequence[int], told: FloatArray, before: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the mean torques (Nm) of the first joints, for which some are wanted, and how far all moved (deg).
+        """Return the mean torques of all joints (Nm), and how far they moved (deg).
 
-        Ends when the mean of the last states has settled at what is wanted, or a joint has moved too far.
+        Ends when the mean of the last states has settled at what the ``joints`` were told, or one whose torque was told
+        has moved too far.
         """
+        known = np.isfinite(told)
 
-        def gone() -> FloatArray:
-            return np.abs(part.board.encoders(joints) - before[joints])
+        def ways() -> FloatArray:
+            return np.abs(part.board.encoders() - before)
 
         def torques() -> FloatArray:
             last = trace.time > trace.time[-1] - _MEASURING
-            means: FloatArray = trace.torques[last][:, joints[: len(wanted)]].mean(axis=0)
+            means: FloatArray = trace.torques[last].mean(axis=0)
             return means
 
         def settled() -> bool:
             full = len(trace) > 1 and trace.time[-1] - trace.time[0] >= _MEASURING
-            return full and bool((np.abs(torques() - wanted) <= self.answer).all())
+            return full and bool((np.abs(torques() - told)[joints] <= self.answer).all())
 
         with part.recorded() as trace:
-            part.wait_until(lambda: settled() or bool(gone().max() > _TRAVEL), _SETTLING, pace=0.01)
-        return torques() if len(trace) else part.board.torques(joints[: len(wanted)]), gone()
+            part.wait_until(lambda: settled() or bool(ways()[known].max() > _TRAVEL), _SETTLING, pace=0.01)
+        return torques() if len(trace) else part.board.torques(), ways()
 
     def _others(self, joints: Sequence[int]) -> list[int]:
         """Return the joints that are coupled with some joints."""
@@ -187,17 +199,55 @@ class TorqueControlConsistency(RobotTest):
             whole[list(joints)] = torques
             part.board.set_reference_torques(whole)
 
-    def _in_torque_mode(self, part: Part, joints: Sequence[int]) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    def _in_torque_mode(self, part: Part, joints: Sequence[int] | None = None) -> NDArray[np.bool_]:
         return np.array([mode is ControlMode.TORQUE for mode in part.board.control_modes(joints)])
 
-    def _judge(self, name: str, change: float, wanted: float, reported: float, measured: float, *, kept: bool) -> None:
-        what = self.as_text(change, "Nm", "+g")
-        if not self.check_fail_if_false(kept, f"{name} is not in torque mode at {what}; {likely_causes('mode')}"):
+    # Judging -----------------------------------------------------------------------------------------------------
+
+    def _judge_way(self, part: Part, joint: int, way: float, excuse: str) -> str:
+        """Judge a joint that moved too far; return what to say last of one that stayed when it was tested alone."""
+        text = (
+            f"{part.names[joint]} moved by {part.shown(joint, way, '.1f')} at torques within "
+            f"{part.shown_torque(joint, self.change, 'g')} of its holding torque; "
+            f"{part.shown(joint, _TRAVEL, 'g')} are allowed"
+        )
+        if reason := excuse or self._cause(part, joint):  # the torques hold it for a moment only
+            self.inconclusive(f"{text}; but {reason}")
+        if joint in self._stayed:
+            return f"{text}; but it stays when it is tested alone: another joint moves it"
+        self.check(False, f"{text}; {likely_causes('runs away')}")
+        return ""
+
+    def _cause(self, part: Part, joint: int) -> str:
+        """Return which other joint or motor explains that a joint moved, or that its torque is wrong; "" if none."""
+        return self.explained(part, joint) or torque_disturbance(part, self.transmission, joint)
+
+    def _judge(self, part: Part, joint: int, answer: _Answer) -> None:
+        name, what = part.names[joint], self.as_text(answer.change, "Nm", "+g")
+        in_mode = bool(answer.in_mode[joint])
+        if not self.check_fail_if_false(in_mode, f"{name} is not in torque mode at {what}; {likely_causes('mode')}"):
             return
-        off = float(reported - wanted)
-        told = f"{name} was commanded {self.as_text(wanted, 'Nm', '.3f')} and"
-        hint = f"{told} reports {self.as_text(reported, 'Nm', '.3f')}; {likely_causes('lost commands')}"
-        self.measure(f"reference that is read back, {what}", off, "Nm", -self.tolerance, self.tolerance, hint=hint)
-        missing = float(measured - wanted)
-        hint = f"{told} measures {self.as_text(measured, 'Nm', '.3f')}; {likely_causes('torque answer')}"
-        self.measure(f"measured minus told, {what}", missing, "Nm", low=-self.answer, high=self.answer, hint=hint)
+        told, reported, measured = (float(each[joint]) for each in (answer.told, answer.reported, answer.measured))
+        given = f"{name} was commanded {self.as_text(told, 'Nm', '.3f')} and"
+        hint = f"{given} reports {self.as_text(reported, 'Nm', '.3f')}; {likely_causes('lost commands')}"
+        self.measure(
+            f"reference that is read back, {what}", reported - told, "Nm", -self.tolerance, self.tolerance, hint=hint
+        )
+        seen = f"{given} measures {self.as_text(measured, 'Nm', '.3f')}"
+        if abs(measured - told) > self.answer and (cause := self._cause(part, joint)):
+            self.inconclusive(f"{seen}; but {cause}")
+        hint = f"{seen}; {likely_causes('torque answer')}"
+        self.measure(f"measured minus told, {what}", measured - told, "Nm", -self.answer, self.answer, hint=hint)
+
+
+class _Answer(NamedTuple):
+    """What a board did at torques that differ by ``change`` (Nm) from the holding ones; arrays over all joints.
+
+    ``told``, ``reported`` and ``measured`` are torques (Nm), NaN where none was told; ``in_mode``: torque mode.
+    """
+
+    change: float
+    told: FloatArray
+    reported: FloatArray
+    measured: FloatArray
+    in_mode: NDArray[np.bool_]

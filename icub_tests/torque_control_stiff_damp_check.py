@@ -14,6 +14,7 @@ from rtf.robot_testing.guard.simulated import is_simulated
 from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.motion.start_position import bring, hold, starting_point
 from rtf.robot_testing.torque_control import greatest_torque, torque_joints
+from rtf.robot_testing.torque_disturbance import motors_by_torques, torque_disturbance
 from rtf.simulator.control_client import SimulatorControl
 from rtf.testing import Parameter
 
@@ -105,8 +106,19 @@ class TorqueControlStiffDampCheck(RobotTest):
             self.skip(f"no joint of {part.name} has stiffness or damping: give stiffness or damping")
         for place, joint in enumerate(self.chosen):
             self.progress(place / len(self.chosen), part.names[joint])
-            with self.subresult(part.names[joint]):
+            if not self.judge_if_lost(part, joint):
+                self._test_joint(part, joint, place)
+
+    def _test_joint(self, part: Part, joint: int, place: int) -> None:
+        stopped = None
+        with self.subresult(part.names[joint]):
+            try:
                 self._test(part, joint, place)
+            except GuardError as error:  # also on the way back
+                stopped = error
+        if stopped is not None:
+            known = motors_by_torques(part, self.transmission, joint)
+            self.judge_stop(part, joint, stopped, "runs away", "impedance", known=known)
 
     def _test(self, part: Part, joint: int, place: int) -> None:
         spring, damper = self.springs[place], self.dampers[place]
@@ -115,15 +127,12 @@ class TorqueControlStiffDampCheck(RobotTest):
         before = {one: part.board.impedance(one) for one in self.transmission.coupled(joint)}
         self._require_springs(part, joint, before, spring)
         try:
-            try:
-                self._give_way_twice(part, joint, place, before)
-            finally:
-                hold(part, [joint])
-                for one, impedance in before.items():
-                    if part.board.impedance(one) != impedance:
-                        part.board.set_impedance(one, *impedance)
-        except GuardError as error:  # also on the way back
-            self.blame(part, error, "runs away", "impedance", joints=[joint])
+            self._give_way_twice(part, joint, place, before)
+        finally:
+            hold(part, [joint])
+            for one, impedance in before.items():
+                if part.board.impedance(one) != impedance:
+                    part.board.set_impedance(one, *impedance)
         bring(self, part, [joint], [self.homes[place]])
 
     def _give_way_twice(
@@ -136,10 +145,10 @@ class TorqueControlStiffDampCheck(RobotTest):
                 part.board.set_impedance(other, spring, damper)
         if spring > 0:
             trace = self._give_way(part, joint, self.homes[place], spring, 0.0)
-            self._judge(part.names[joint], "stiffness", spring, trace.positions[:, joint], trace.torques[:, joint])
+            self._judge(part, joint, "stiffness", spring, trace.positions[:, joint], trace.torques[:, joint])
         if damper > 0:
             trace = self._give_way(part, joint, self.homes[place], 0.0, damper)
-            self._judge(part.names[joint], "damping", damper, trace.velocities[:, joint], trace.torques[:, joint])
+            self._judge(part, joint, "damping", damper, trace.velocities[:, joint], trace.torques[:, joint])
 
     def _require_springs(
         self, part: Part, joint: int, impedances: Mapping[int, tuple[float, float]], spring: float
@@ -251,21 +260,24 @@ class TorqueControlStiffDampCheck(RobotTest):
 
     # Judging -----------------------------------------------------------------------------------------------------
 
-    def _judge(self, name: str, what: str, wanted: float, moved: FloatArray, torques: FloatArray) -> None:
+    def _judge(self, part: Part, joint: int, what: str, wanted: float, moved: FloatArray, torques: FloatArray) -> None:
+        name = part.names[joint]
         symbol, least = ("deg", self.excursion) if what == "stiffness" else ("deg/s", self.fastest)
         self.record(what, moved=(moved, symbol), torque=(torques, "Nm"))
         reach = float(np.ptp(moved)) / 2
-        self._require_motion(name, what, reach, least, symbol)
+        self._require_motion(part, joint, what, reach, least, symbol)
         line = fit_line(moved, torques)
         slope = -line.slope / self._share_of_motion(name, what, moved)
         low, high = 1.0 - self.slope / 100.0, 1.0 + self.slope / 100.0
         unit = "Nm/deg" if what == "stiffness" else "Nm/deg s"
-        hint = (
-            f"{name}: {what} is {self.as_text(slope, unit, '.4g')}, and was set to "
-            f"{self.as_text(wanted, unit, '.4g')}; {likely_causes('impedance')}"
+        text = (
+            f"{name}: {what} is {self.as_text(slope, unit, '.4g')}, and was set to {self.as_text(wanted, unit, '.4g')}"
         )
-        self.measure(f"{what}, share of what was set", slope / wanted, "", low, high, hint=hint)
         correlation = abs(line.correlation) if math.isfinite(line.correlation) else 0.0
+        if not low <= slope / wanted <= high or correlation < self.correlation:
+            self._end_if_disturbed(part, joint, text)
+        hint = f"{text}; {likely_causes('impedance')}"
+        self.measure(f"{what}, share of what was set", slope / wanted, "", low, high, hint=hint)
         course = "how far" if what == "stiffness" else "how fast"
         hint = (
             f"{name}: the torque does not follow {course} it gives way; "
@@ -283,15 +295,21 @@ class TorqueControlStiffDampCheck(RobotTest):
             )
         return share
 
-    def _require_motion(self, name: str, what: str, reach: float, least: float, symbol: str) -> None:
+    def _require_motion(self, part: Part, joint: int, what: str, reach: float, least: float, symbol: str) -> None:
         """Fail a joint that does not move when it is pushed; end as inconclusive if the operator did not move it."""
         self.measure(f"moved, {what}", reach, symbol)
         if reach >= least:
             return
         text = (
-            f"{name} was moved by {self.as_text(reach, symbol, '.2g')} to either side, "
+            f"{part.names[joint]} was moved by {self.as_text(reach, symbol, '.2g')} to either side, "
             f"{self.as_text(least, symbol, 'g')} are needed to judge its {what}"
         )
         if self.pushed:
+            self._end_if_disturbed(part, joint, text)
             self.assert_fail(f"{text}: it does not give way; {likely_causes('does not move')}")
         self.inconclusive(text)
+
+    def _end_if_disturbed(self, part: Part, joint: int, text: str) -> None:
+        """End as inconclusive if another joint or motor explains what the text says of a joint."""
+        if cause := self.explained(part, joint) or torque_disturbance(part, self.transmission, joint):
+            self.inconclusive(f"{text}; but {cause}")

@@ -308,17 +308,23 @@ class RobotTest(TestCase):
     # Judging -----------------------------------------------------------------------------------------------------
 
     def judge_stop(
-        self, part: Part, joint: int, error: GuardError, *findings: str, say_first: Callable[[], object] = lambda: None
+        self,
+        part: Part,
+        joint: int,
+        error: GuardError,
+        *findings: str,
+        known: Sequence[Evidence] = (),
+        say_first: Callable[[], object] = lambda: None,
     ) -> None:
         """Judge the stop of a motion by the guard while a joint was tested: see ``judging/blame.py``.
 
         Those to blame fail in sub-results of their own, whether they are tested or not. The joint itself, if it is not
         among them, is inconclusive, and others that are surely to blame are left without power: they would disturb the
         next ones, too. The first stop of a part explains later ones of other joints about which nothing more is known.
-        ``findings`` are the keys of the likely causes of the joint; by default those of the guard. ``say_first`` is
-        called before the joint fails: what a test knows better than the guard comes first.
+        ``findings`` are the keys of the likely causes of the joint; by default those of the guard. ``known`` is more
+        evidence, and ``say_first`` is called before the joint fails: what a test knows better comes first.
         """
-        found = stop_evidence(part, error, moved=joint)
+        found = [*stop_evidence(part, error, moved=joint), *known]
         self._note(part, joint, found)
         wrong = accused(found)
         own = complaint_of_stop(joint, error, findings)
@@ -398,6 +404,7 @@ class RobotTest(TestCase):
         found = stop_evidence(part, error)
         concerned = joints or range(part.axes)
         joint = next((one for one in accused(found) if one in concerned), concerned[0])
+        self._note(part, -1, found)  # what is to blame gets no power on the way back
         settle(self, blame(joint, complaint_of_stop(joint, error, findings, during), found))
 
     # Values ------------------------------------------------------------------------------------------------------

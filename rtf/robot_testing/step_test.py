@@ -170,6 +170,10 @@ class StepTest(RobotTest):
         """Return the stepped quantity of all states."""
         raise NotImplementedError
 
+    def disturbed(self, joint: int) -> str:
+        """Return what disturbs a joint whose values are out of bounds; "" if nothing does."""
+        return disturbance(self.robot_part, joint)
+
     def late_commands(self, joint: int, trace: Trace) -> str:
         """Return by how much commands of this cycle reached the board late, if the states show it; else ""."""
         del joint, trace
@@ -343,7 +347,7 @@ class StepTest(RobotTest):
         values = [value.scaled(*converted(metres, value.symbol)) for value in values]
         excuse = late[0] if late else self.explained(self.robot_part, joint)
         if not excuse and any(value.wrong for value in values):
-            excuse = disturbance(self.robot_part, joint)
+            excuse = self.disturbed(joint)
         judge_values(self, name, values, excuse)
         self._require_visible_step(name, cycles)
 
