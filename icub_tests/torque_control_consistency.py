@@ -77,7 +77,7 @@ class TorqueControlConsistency(RobotTest):
         try:
             bring(self, part, self.chosen, [*self.places.values()])
         except GuardError as error:
-            self.blame(part, error, joints=self.chosen)
+            self.blame(part, error, joints=self.chosen, ends=True)
 
     def run(self) -> None:
         """Test the forms in turn; in the single form joint by joint."""
@@ -108,7 +108,7 @@ class TorqueControlConsistency(RobotTest):
         try:
             self._test(part, form, joints)
         except GuardError as error:
-            self.blame(part, error, "runs away", joints=joints, during=form)
+            self.blame(part, error, "runs away", joints=joints, during=form, ends=True)
         part.wait(_MODE_TIME)
 
     def _test(self, part: Part, form: str, joints: Sequence[int]) -> None:

@@ -395,16 +395,24 @@ class RobotTest(TestCase):
             settle(self, blame(joint, complaint, found))
 
     def blame(
-        self, part: Part, error: GuardError, *findings: str, joints: Sequence[int] = (), during: str = ""
+        self,
+        part: Part,
+        error: GuardError,
+        *findings: str,
+        joints: Sequence[int] = (),
+        during: str = "",
+        ends: bool = False,
     ) -> NoReturn:
         """End the test, or the sub-result, of joints that moved together, as the guard had to stop one of them.
 
-        Without ``joints`` it is about all of the part. It fails if one of these is to blame, see ``judge_stop``.
+        Without ``joints`` it is about all of the part. It fails if one of these is to blame, see ``judge_stop``. If the
+        test ``ends`` by that, who is surely to blame gets no power on the way back.
         """
         found = stop_evidence(part, error)
         concerned = joints or range(part.axes)
         joint = next((one for one in accused(found) if one in concerned), concerned[0])
-        self._note(part, -1, found)  # what is to blame gets no power on the way back
+        if ends:
+            self._note(part, -1, found)
         settle(self, blame(joint, complaint_of_stop(joint, error, findings, during), found))
 
     # Values ------------------------------------------------------------------------------------------------------

@@ -25,6 +25,7 @@ SUITE = "".join([
     entry("references", "TorqueControlConsistency", **ARM),
     entry("references-lost", "TorqueControlConsistency", "missed_command l_elbow", **ARM),
     entry("references-wrong-mode", "TorqueControlConsistency", "wrong_mode l_elbow", part="left_arm", joints="(3)"),
+    entry("references-weak", "TorqueControlConsistency", "motor_weak l_shoulder_roll", part="left_arm", joints="(0 1)"),
     entry("references-off", "TorqueControlConsistency", **ARM, zero="(0 45 90)"),
     entry("gravity", "TorqueControlGravityConsistency", **ROLL),
     entry("gravity-bias", "TorqueControlGravityConsistency", "torque_bias l_shoulder_roll", **ROLL),
@@ -34,6 +35,8 @@ SUITE = "".join([
     entry("gravity-no-model", "TorqueControlGravityConsistency", **ROLL, model="nowhere.urdf"),
     entry("impedance", "TorqueControlStiffDampCheck", **ELBOW),
     entry("impedance-scale", "TorqueControlStiffDampCheck", "torque_scale l_elbow factor=1.5", **ELBOW),
+    entry("impedance-weak", "TorqueControlStiffDampCheck", "motor_weak l_shoulder_roll",
+          part="left_arm", joints="(0 1)"),
     entry("impedance-strict", "TorqueControlStiffDampCheck", **ELBOW, correlation=1.0, slope=99),
     entry("impedance-jam", "TorqueControlStiffDampCheck", "jam l_elbow", **ELBOW),
 ])  # fmt: skip
@@ -122,6 +125,16 @@ def test_a_fault_is_found_at_its_joint_only(outcome, measured, name, what, joint
     found = measured(outcome, name, what)
     assert any(one.margin < 0 for one in found if joint in one.subject)
     assert all(one.margin >= 0 for one in found if joint not in one.subject)
+
+
+@pytest.mark.parametrize("name", ["references-weak", "impedance-weak"])
+def test_a_weak_motor_that_two_joints_share_is_the_fault_of_its_own(outcome, name):
+    """Its torque lacks at both; the other one is inconclusive, and names it."""
+    said = [event for event in outcome.of(Message, test=f"s/{name}") if event.subject]
+    failed = {event.subject.split()[0] for event in said if event.severity is Severity.FAILURE}
+    (doubt, *_) = (event for event in said if event.subject.startswith("l_shoulder_pitch"))
+    assert failed == {"l_shoulder_roll"}
+    assert "the motor of l_shoulder_roll gives" in doubt.detail
 
 
 @pytest.mark.parametrize(("noise", "least"), [(0.0, 0.995), (1.0, 0.94), (3.0, 0.6)])

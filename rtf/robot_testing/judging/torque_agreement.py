@@ -57,7 +57,7 @@ def torque_evidence(group: Group, names: Sequence[str]) -> list[Evidence]:
     if abs(best.lacks) <= TOLERANCE * abs(given) + group.friction.max() / most:
         return []
     joint = group.joints[best.motor]
-    text = f"the motor of {names[joint]} gives {given + best.lacks:+.3g} Nm, and {given:+.3g} Nm by its current"
+    text = f"the motor of {names[joint]} gives {given + best.lacks:+.2f} Nm, and {given:+.2f} Nm by its current"
     return [Evidence(frozenset({joint}), text, ("weak magnets",))]
 
 
