@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, NamedTuple
 from rtf.recording.errors import MissingPackageError
 from rtf.recording.tables import Table
 from rtf.robot.extended_state import Field
-from rtf.robot_testing.guard.contacts import CHANNELS, NoForcesError
+from rtf.robot_testing.guard.contacts import CHANNELS, NoForcesError, force_rows
 from rtf.robot_testing.motion.modes import LEGEND, mode_numbers
 
 if TYPE_CHECKING:
-    from rtf.middleware.wire.incoming_message import IncomingMessage
-    from rtf.robot_testing.guard.contacts import Forces
+    from rtf.robot_testing.guard.contacts import ForceMessage, Forces
     from rtf.robot_testing.motion.part import Part
     from rtf.robot_testing.motion.trace import Trace
     from rtf.testing import TestCase
@@ -32,7 +31,7 @@ class _Taken(NamedTuple):
 
     when: str
     states: Trace
-    forces: list[IncomingMessage]
+    forces: list[ForceMessage]
 
 
 class FailureRecording:
@@ -85,7 +84,7 @@ class FailureRecording:
 
     def _write_forces(self, forces: Forces, taken: _Taken) -> dict[str, Table]:
         try:
-            numbers, stamps, values = forces.rows(taken.forces)
+            numbers, stamps, values = force_rows(taken.forces)
         except NoForcesError as error:
             self._test.report(str(error))
             return {}

@@ -8,9 +8,12 @@ the robot says which part has a sensor, and its load; the sensor sees the contac
 
 from __future__ import annotations
 
+import math
 import statistics
+from bisect import bisect_left, bisect_right
 from collections import deque
-from itertools import islice
+from functools import cached_property
+from itertools import islice, pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -65,12 +68,37 @@ class NoForcesError(RobotError):
     """The force-torque sensor is missing, silent, or sends something else than forces."""
 
 
+class ForceMessage:
+    """A message of a force-torque sensor, decoded once, when it is asked for."""
+
+    def __init__(self, source: str, delivery: IncomingMessage) -> None:
+        self._source, self._delivery = source, delivery
+
+    @cached_property
+    def stamp(self) -> Stamp:
+        """Its stamp; number -1 and time 0 if it has none."""
+        return Stamp.parse(self._delivery.envelope) or Stamp()
+
+    @cached_property
+    def values(self) -> FloatArray:
+        """Its six numbers: force (N) and torque (Nm). Raises NoForcesError for any other content."""
+        try:
+            values = self._delivery.read(VECTOR)
+        except RtfError as error:
+            raise NoForcesError(f"{self._source} sends no forces: {error}") from error
+        if values.size != len(CHANNELS):
+            raise NoForcesError(
+                f"{self._source} sends {values.size} numbers, not the {len(CHANNELS)} of a force-torque sensor"
+            )
+        return np.asarray(values, dtype=np.float64)
+
+
 class Forces:
     """The last messages of a force-torque sensor, decoded on demand. Raises NoForcesError if it cannot be connected."""
 
     def __init__(self, source: str, *, network: Network) -> None:
         self.source = source
-        self._messages: deque[IncomingMessage] = deque(maxlen=_HISTORY)
+        self._messages: deque[ForceMessage] = deque(maxlen=_HISTORY)
         self._port = Port("", self._receive, network=network, outputs=False, nonblocking=True, promise=VECTOR.promise)
         try:
             # tcp waits for the acknowledgement: in lockstep no message is under way when the time advances.
@@ -81,49 +109,40 @@ class Forces:
 
     def _receive(self, delivery: IncomingMessage) -> None:
         """Keep a message. Called in the thread of the connection."""
-        self._messages.append(delivery.kept())
+        self._messages.append(ForceMessage(self.source, delivery.kept()))
 
-    def newest(self, count: int) -> list[IncomingMessage]:
+    def newest(self, count: int) -> list[ForceMessage]:
         """Return the last ``count`` messages, the newest first."""
         # Copied in one step: messages arrive meanwhile.
         return self.messages()[: -count - 1 : -1]
 
-    def messages(self) -> list[IncomingMessage]:
+    def messages(self) -> list[ForceMessage]:
         """Return all kept messages, the oldest first."""
         return list(self._messages)
-
-    def rows(self, kept: Sequence[IncomingMessage]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Decode messages: their numbers (-1 without a stamp), stamps (s), and forces (N) and torques (Nm).
-
-        The last array has shape (messages, 6). Raises NoForcesError for a message without six numbers.
-        """
-        stamps = [stamp_of(delivery) for delivery in kept]
-        return (
-            np.array([float(stamp.count) for stamp in stamps]),
-            np.array([stamp.time for stamp in stamps]),
-            np.array([self.read(delivery) for delivery in kept]).reshape(-1, len(CHANNELS)),
-        )
-
-    def read(self, delivery: IncomingMessage) -> FloatArray:
-        """Return the six numbers of a message. Raises NoForcesError for any other content."""
-        try:
-            values = delivery.read(VECTOR)
-        except RtfError as error:
-            raise NoForcesError(f"{self.source} sends no forces: {error}") from error
-        if values.size != len(CHANNELS):
-            raise NoForcesError(
-                f"{self.source} sends {values.size} numbers, not the {len(CHANNELS)} of a force-torque sensor"
-            )
-        return np.asarray(values, dtype=np.float64)
 
     def close(self) -> None:
         """Close the port."""
         self._port.close()
 
 
-def stamp_of(delivery: IncomingMessage) -> Stamp:
-    """Return the stamp of a message; number -1 and time 0 if it has none."""
-    return Stamp.parse(delivery.envelope) or Stamp()
+def force_rows(kept: Sequence[ForceMessage]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Decode messages: their numbers (-1 without a stamp), stamps (s), and forces (N) and torques (Nm).
+
+    The last array has shape (messages, 6). Raises NoForcesError for a message without six numbers.
+    """
+    return (
+        np.array([float(one.stamp.count) for one in kept]),
+        np.array([one.stamp.time for one in kept]),
+        np.array([one.values for one in kept]).reshape(-1, len(CHANNELS)),
+    )
+
+
+class _Seen(NamedTuple):
+    """A state: its stamp (s), the positions of the joints that move mass (rad), and all speeds (deg/s)."""
+
+    time: float
+    positions: FloatArray
+    speeds: FloatArray
 
 
 class _Sample(NamedTuple):
@@ -158,9 +177,9 @@ class ContactWatch:
         self._load = Load(sensor.weight or 0.0, sensor.lever)
         self._inertial = InertialForce(self._load)
         self._heavy = np.array([name not in robot.parts[part].light for name in board.axis_names()])
-        self._states: deque[tuple[float, ExtendedState]] = deque(maxlen=_KEPT)
+        self._states: deque[_Seen] = deque(maxlen=_KEPT)
         self._samples: deque[_Sample] = deque()
-        self._heard: tuple[IncomingMessage | None, float] | None = None  # the last message, and its state's time, s
+        self._heard: tuple[ForceMessage | None, float] | None = None  # the last message, and its state's time, s
         self._free: _Sample | None = None  # the sample before a contact that may last
         self._invalid_since: float | None = None  # since when forces or states are not finite, s
         self._known: float | None = None  # time of the last state around which the motion was known, s
@@ -170,7 +189,8 @@ class ContactWatch:
 
     def _see(self, stamp: float, state: ExtendedState) -> None:
         """Keep a state. Called in the thread of the connection."""
-        self._states.append((stamp, state))
+        positions = np.radians(state.values(Field.JOINT_POSITIONS)[self._heavy])
+        self._states.append(_Seen(stamp, positions, state.values(Field.JOINT_VELOCITIES)))
 
     def close(self) -> None:
         """Stop observing the board, and close the port of the sensor."""
@@ -234,7 +254,7 @@ class ContactWatch:
         """Raise NoForcesError if the sensor has fallen silent; by the time of the states, as two clocks may differ."""
         if not self._states:
             return
-        time, last = self._states[-1][0], next(iter(self.forces.newest(1)), None)
+        time, last = self._states[-1].time, next(iter(self.forces.newest(1)), None)
         if self._heard is None or last is not self._heard[0]:
             self._heard = last, time
         elif time - self._heard[1] > _SILENT:
@@ -244,7 +264,7 @@ class ContactWatch:
         """Note whether too many states are missing to know the motion, by the time of the states."""
         if not self._states:
             return
-        time = self._states[-1][0]
+        time = self._states[-1].time
         if now is not None or self._known is None or time < self._known:
             self._known = time
         self._sparse = self._sparse or time - self._known > _SILENT
@@ -273,35 +293,37 @@ class ContactWatch:
         messages = self.forces.newest(_KEPT)
         if len(states) < _AVERAGED or len(messages) < _AVERAGED:
             return None
-        times = np.array([time for time, _ in states])
-        if stamp_of(messages[0]).count < 0:
+        times = [one.time for one in states]
+        if messages[0].stamp.count < 0:
             raise NoForcesError(f"{self.source} sends no stamps")
         # One of the two streams may be behind the other; as a rule the first messages match, and no more are read.
-        late = next((at for at, one in enumerate(messages) if stamp_of(one).time <= times[-1] - _KNOWN), None)
-        if late is None or stamp_of(messages[late]).time < times[0]:  # the clocks differ: take the newest of both
-            near, taken = range(len(states) - _AVERAGED, len(states)), messages[:_AVERAGED]
-            time = stamp_of(taken[0]).time
+        late = next((at for at, one in enumerate(messages) if one.stamp.time <= times[-1] - _KNOWN), None)
+        if late is None or messages[late].stamp.time < times[0]:  # the clocks differ: take the newest of both
+            near, taken = slice(-_AVERAGED, None), messages[:_AVERAGED]
+            time = taken[0].stamp.time
         else:
             taken = messages[late : late + _AVERAGED]
             if len(taken) < _AVERAGED:
                 return None
-            stamps = [stamp_of(one).time for one in taken]
+            stamps = [one.stamp.time for one in taken]
             time, begin = stamps[0], min(stamps) - _BEFORE
             gap = _gap(times, begin, time + _KNOWN)
             if gap > _GAP and gap > _PERIODS * statistics.median(np.diff(times).tolist()):
                 return None
-            near = range(*np.searchsorted(times, (begin, time + _AFTER), "right"))
-        force = np.sort([self.forces.read(one)[:3] for one in taken], axis=0)[1:-1].mean(axis=0)
-        speeds = np.array([states[at][1].values(Field.JOINT_VELOCITIES) for at in near])
-        positions = np.radians([states[at][1].values(Field.JOINT_POSITIONS)[self._heavy] for at in near])
-        inertial = self._inertial.bound(times[near.start : near.stop], positions, np.radians(speeds[:, self._heavy]))
+            near = slice(bisect_right(times, begin), bisect_right(times, time + _AFTER))
+        force = np.sort([one.values[:3] for one in taken], axis=0)[1:-1].mean(axis=0)
+        speeds = np.array([one.speeds for one in states[near]])
+        positions = np.array([one.positions for one in states[near]])
+        inertial = self._inertial.bound(np.array(times[near]), positions, np.radians(speeds[:, self._heavy]))
         return _Sample(time, force, positions[-1], speeds[-1], inertial)
 
 
-def _gap(times: FloatArray, begin: float, end: float) -> float:
+def _gap(times: Sequence[float], begin: float, end: float) -> float:
     """Return the longest time (s) between two states that touches a span; infinite if the states do not cover it."""
-    first, last = int(np.searchsorted(times, begin, "right")) - 1, int(np.searchsorted(times, end))
-    return float(np.diff(times[first : last + 1]).max()) if 0 <= first < last < len(times) else np.inf
+    first, last = bisect_right(times, begin) - 1, bisect_left(times, end)
+    if not 0 <= first < last < len(times):
+        return math.inf
+    return max(after - before for before, after in pairwise(times[first : last + 1]))
 
 
 def listen_to_forces(

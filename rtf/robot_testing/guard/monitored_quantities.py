@@ -87,6 +87,9 @@ class MonitoredQuantity:
         except (NotSupportedError, RefusedError) as error:
             values, why = np.full(len(self._most), np.nan), str(error)
         most = self.most(values)
+        if (values <= most).all():  # nearly always, at every tick
+            self._all_is_well()
+            return
         yield Violation(values > most, lambda joint: self._describe(joint, float(values[joint]), float(most[joint])))
         unknown = np.isnan(values) & np.isfinite(most)
         self._report(unknown, why)
@@ -95,6 +98,11 @@ class MonitoredQuantity:
         self._missing_since = np.where(unknown, np.minimum(self._missing_since, now), np.inf)
         silent = self._measured & (now - self._missing_since >= _SILENT)
         yield Violation(silent, lambda _: f"has had no {self.what} for {_SILENT:g} s, which is limited: {why}")
+
+    def _all_is_well(self) -> None:
+        """Note that all joints have values, and none above its limit."""
+        self._measured[:] = True
+        self._missing_since[:] = np.inf
 
     def most(self, values: FloatArray) -> FloatArray:
         """Return the limits for the current values; infinite if there is no limit."""
@@ -142,12 +150,17 @@ class MonitoredSpeed(MonitoredQuantity):
 
     def check(self, now: float) -> Iterator[Violation]:
         """See MonitoredQuantity."""
-        yield from super().check(now)
+        limit = self._expected(_TRAJECTORY_SPEED)
         try:
             values = np.abs(self._measure())
         except (NotSupportedError, RefusedError):
+            yield from super().check(now)
             return
-        limit = self._expected(_TRAJECTORY_SPEED)
+        if (values <= limit).all():  # the lower limit of the two
+            self._all_is_well()
+            self._fast_since[:] = np.inf
+            return
+        yield from super().check(now)
         if not (values > limit).any():
             self._fast_since[:] = np.inf
             return

@@ -65,13 +65,16 @@ class InertialForce:
 
 def _steepest(times: FloatArray, speeds: FloatArray) -> float:
     """Return the greatest sum of all joints' accelerations (rad/s²), by lines through the states of a short time."""
-    ends = np.maximum(np.searchsorted(times, times + _LINE), np.arange(len(times)) + 2)
+    count = len(times)
+    ends = np.maximum(np.searchsorted(times, times + _LINE), np.arange(count) + 2)
     # After the last line that is long enough they only get shorter.
-    begins = [begin for begin in range(len(times) - 1) if not begin or ends[begin] > ends[begin - 1]]
-    return max(_slope(times[begin : ends[begin]], speeds[begin : ends[begin]]) for begin in begins)
-
-
-def _slope(times: FloatArray, speeds: FloatArray) -> float:
-    apart = np.maximum(np.diff(times), _SHORTEST).cumsum()
-    away = np.concatenate(([0.0], apart)) - apart.sum() / len(times)
-    return float(np.abs(away @ speeds).sum() / (away @ away))
+    begins = np.flatnonzero(np.diff(ends[:-1], prepend=0) > 0)
+    ends = ends[begins]
+    # All lines at once: a row for each, as long as the longest, and whether the line goes through the state.
+    rows = begins[:, None] + np.arange((ends - begins).max())
+    inside = rows < ends[:, None]
+    rows = np.minimum(rows, count - 1)
+    passed = np.concatenate(([0.0], np.maximum(np.diff(times), _SHORTEST).cumsum()))[rows]
+    away = (passed - (passed * inside).sum(axis=1, keepdims=True) / (ends - begins)[:, None]) * inside
+    slopes = np.matmul(away[:, None, :], speeds[rows])[:, 0] / (away**2).sum(axis=1, keepdims=True)
+    return float(np.abs(slopes).sum(axis=1).max())

@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from rtf.robot_testing.judging.inertial_force import InertialForce, Load
+from rtf.robot_testing.judging.inertial_force import InertialForce, Load, _steepest
 
 LEG = Load(46.5, 0.4)
 INERTIA = 46.5 / 9.81 * 0.4  # N by rad/s²
@@ -51,3 +53,20 @@ def test_an_acceleration_is_no_noise():
 def test_any_period_and_equal_stamps_are_accepted(times):
     """Whatever the period of the board and its stamps are."""
     assert np.isfinite(InertialForce(LEG).bound(times, STILL[:3], STILL[:3] + np.arange(3.0)[:, None]))
+
+
+@given(
+    st.lists(st.floats(0.0, 0.03), min_size=1, max_size=12),
+    st.integers(0, 2**32 - 1),
+)
+def test_all_lines_are_those_of_one_by_one(steps, seed):
+    """The steepest of the lines through the states of 35 ms, two at least; stamps may jitter, and repeat."""
+    times = np.concatenate(([5.0], 5.0 + np.cumsum(steps)))
+    speeds = np.random.default_rng(seed).normal(0.0, 1.0, (len(times), 3))
+    slopes = []
+    for begin in range(len(times) - 1):
+        end = max(int(np.searchsorted(times, times[begin] + 0.035)), begin + 2)
+        apart = np.concatenate(([0.0], np.cumsum(np.maximum(np.diff(times[begin:end]), 1e-3))))
+        slopes.append((end, np.abs(np.polyfit(apart, speeds[begin:end], 1)[0]).sum()))
+    lines = [slope for at, (end, slope) in enumerate(slopes) if not at or end > slopes[at - 1][0]]
+    assert _steepest(times, speeds) == pytest.approx(max(lines), rel=1e-6)
