@@ -311,11 +311,11 @@ class ContactWatch:
             if gap > _GAP and gap > _PERIODS * statistics.median(np.diff(times).tolist()):
                 return None
             near = slice(bisect_right(times, begin), bisect_right(times, time + _AFTER))
-        force = np.sort([one.values[:3] for one in taken], axis=0)[1:-1].mean(axis=0)
+        _, low, high, _ = np.sort([one.values[:3] for one in taken], axis=0)
         speeds = np.array([one.speeds for one in states[near]])
         positions = np.array([one.positions for one in states[near]])
-        inertial = self._inertial.bound(np.array(times[near]), positions, np.radians(speeds[:, self._heavy]))
-        return _Sample(time, force, positions[-1], speeds[-1], inertial)
+        inertial = self._inertial.bound(times[near], positions, np.radians(speeds[:, self._heavy]))
+        return _Sample(time, 0.5 * (low + high), positions[-1], speeds[-1], inertial)
 
 
 def _gap(times: Sequence[float], begin: float, end: float) -> float:

@@ -9,12 +9,16 @@ accelerates and brakes within it.
 from __future__ import annotations
 
 import statistics
+from bisect import bisect_left
 from collections import deque
+from itertools import accumulate, pairwise, repeat
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rtf.robot.interfaces import FloatArray
 
 _GRAVITY = 9.81
@@ -43,7 +47,7 @@ class InertialForce:
         self._still = 0  # evaluations in a row at rest
         self._resting: deque[float] = deque(maxlen=_KEPT)  # forces that noise simulated at rest, N
 
-    def bound(self, times: FloatArray, positions: FloatArray, speeds: FloatArray) -> float:
+    def bound(self, times: Sequence[float], positions: FloatArray, speeds: FloatArray) -> float:
         """Return the greatest inertial force (N) that states explain; NaN if one of them is not finite.
 
         ``times`` are in s, ``positions`` in rad and ``speeds`` in rad/s, of shape (states, joints).
@@ -63,18 +67,22 @@ class InertialForce:
         return statistics.median(self._resting) if len(self._resting) >= _ENOUGH else 0.0
 
 
-def _steepest(times: FloatArray, speeds: FloatArray) -> float:
+def _steepest(times: Sequence[float], speeds: FloatArray) -> float:
     """Return the greatest sum of all joints' accelerations (rad/s²), by lines through the states of a short time."""
-    count = len(times)
-    ends = np.maximum(np.searchsorted(times, times + _LINE), np.arange(count) + 2)
-    # After the last line that is long enough they only get shorter.
-    begins = np.flatnonzero(np.diff(ends[:-1], prepend=0) > 0)
-    ends = ends[begins]
-    # All lines at once: a row for each, as long as the longest, and whether the line goes through the state.
-    rows = begins[:, None] + np.arange((ends - begins).max())
-    inside = rows < ends[:, None]
-    rows = np.minimum(rows, count - 1)
-    passed = np.concatenate(([0.0], np.maximum(np.diff(times), _SHORTEST).cumsum()))[rows]
-    away = (passed - (passed * inside).sum(axis=1, keepdims=True) / (ends - begins)[:, None]) * inside
-    slopes = np.matmul(away[:, None, :], speeds[rows])[:, 0] / (away**2).sum(axis=1, keepdims=True)
+    passed = [*accumulate((max(after - before, _SHORTEST) for before, after in pairwise(times)), initial=0.0)]
+    lines, last = [], 0
+    for begin in range(len(times) - 1):
+        end = max(bisect_left(times, times[begin] + _LINE), begin + 2)
+        if end > last:  # after the last line that is long enough they only get shorter
+            lines.append(_line(passed, begin, end))
+            last = end
+    slopes = np.array(lines) @ speeds
     return float(np.abs(slopes).sum(axis=1).max())
+
+
+def _line(times: Sequence[float], begin: int, end: int) -> list[float]:
+    """Return the shares of all states in the slope of a line through those from ``begin`` to before ``end``."""
+    mean = sum(times[begin:end]) / (end - begin)
+    away = [time - mean for time in times[begin:end]]
+    square = sum(one * one for one in away)
+    return [*repeat(0.0, begin), *(one / square for one in away), *repeat(0.0, len(times) - end)]
