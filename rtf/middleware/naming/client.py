@@ -158,7 +158,8 @@ class RemoteNames(Names):
             reason = error.strerror if isinstance(error, OSError) and error.strerror else error
             raise NameServerError(
                 f"the name server at {self._place} does not answer: {reason};"
-                " start one with 'rtf nameserver', or look for one with 'rtf detect --write'"
+                " start one with 'rtf nameserver', in a suite with a fixture yarpserver on which the others depend,"
+                " or look for one with 'rtf detect --write'"
             ) from None
         return answers
 

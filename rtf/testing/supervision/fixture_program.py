@@ -38,6 +38,8 @@ _PIPE = 1 << 20
 #: A line is cut after this many bytes.
 _LINE_LIMIT = 8192
 _VANISH = 5.0
+#: The most of a last line that is shown.
+_SHOWN = 300
 #: Seconds between two looks at a program that is not ready.
 _POLL = 0.05
 _MARK = "RTF_PROGRAM"
@@ -146,11 +148,17 @@ class FixtureProgram:
         while True:
             what = missing(deadline.remaining())
             if self.wait(_POLL if what else 0.0):
-                raise FixtureCollapsed(f"{self.name} ended: {self.end}")
+                raise FixtureCollapsed(self._how_it_ended())
             if not what:
                 return
             if deadline.expired:
                 raise FixtureCollapsed(f"{self.name} was not ready after {timeout:g} s: {what}")
+
+    def _how_it_ended(self) -> str:
+        """Return how it ended, with the last line that it has written before an exit status of an error."""
+        text, status = f"{self.name} ended: {self.end}", self.end.exit_status if self.end is not None else None
+        last = next((line for line in reversed(self._tail.text().splitlines()) if line.strip()), "") if status else ""
+        return f"{text}; its last line: {last.strip()[:_SHOWN]}" if last else text
 
     def wait(self, timeout: float) -> bool:
         """Wait at most ``timeout`` seconds for the program's end to be known. Any thread."""
@@ -245,7 +253,7 @@ class FixtureProgram:
         try:
             if not self._stopping:
                 self._fixture.collapsed(
-                    f"{self.name} ended: {end}",
+                    self._how_it_ended(),
                     exit_status=end.exit_status,
                     signal_name=end.signal,
                     output=self._tail.text(),
