@@ -10,7 +10,8 @@ import numpy as np
 from rtf.robot_testing import Safety, fit_line, likely_causes
 from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.joints_test import JointsTest
-from rtf.robot_testing.judging.blame import settle
+from rtf.robot_testing.judging.blame import accused, settle
+from rtf.robot_testing.judging.encoder_agreement import Motion, Tolerance, encoder_evidence
 from rtf.robot_testing.motion.joint_swings import JointSwinger, Outcome, ends_of
 from rtf.testing import Parameter
 
@@ -94,7 +95,7 @@ class OpticalEncodersDrift(JointsTest):
         drift = self.transmission.disagreement(np.array(visits.joints), motors)
         for place, joint in enumerate(self.chosen):
             with self.subresult(self.robot_part.names[joint]):
-                self._judge(joint, np.array(visits.swings), drift[:, joint], travel[place])
+                self._judge(joint, visits, drift[:, joint], travel[place])
         self.fail_others(self.swinger.evidence, self.chosen)
 
     def _growing(self) -> Series:
@@ -177,9 +178,9 @@ class OpticalEncodersDrift(JointsTest):
         apart: FloatArray = (now - first)[self.chosen]
         return apart
 
-    def _judge(self, joint: int, swings: FloatArray, apart: FloatArray, share: float) -> None:
-        """Judge a joint by the differences of its encoders (deg) after each number of half-swings."""
-        name = self.robot_part.names[joint]
+    def _judge(self, joint: int, visits: _Visits, apart: FloatArray, share: float) -> None:
+        """Judge a joint by the differences of its encoders (deg) at the visits of home."""
+        name, swings = self.robot_part.names[joint], np.array(visits.swings)
         if (verdict := self.swinger.verdict(joint, self.complaints.get(joint, Outcome()))) is not None:
             settle(self, verdict)
         missing = int((~np.isfinite(apart)).sum())
@@ -189,19 +190,34 @@ class OpticalEncodersDrift(JointsTest):
             f"turns, have no finite values; {likely_causes('frozen')}",
         )
         drift = apart - apart[0]
+        self.record("drift", half_swings=(swings, "count"), drift=(drift, "deg"))
         self.assert_error_if_true(np.isnan(share), f"{name}: no half-swing turns its motor, so it cannot be judged")
         hint = f"{name} swings, but its motor encoder does not; {likely_causes('frozen')}"
         self.measure("turn of the motor by the joint's", share, low=_LEAST_TURN, hint=hint)
         last, jump = float(drift[-1]), _greatest_jump(drift)
         how = f"in one jump, at half-swing {swings[jump]:.0f}" if jump else "gradually"
-        hint = (
+        text = (
             f"{name}: motor and joint encoder differ by {self.shown(last, '+.3f')} more than at the beginning "
-            f"({last * self.transmission.factors[joint]:+.1f} deg of the rotor), {how}; {likely_causes('drift')}"
+            f"({last * self.transmission.factors[joint]:+.1f} deg of the rotor), {how}"
         )
+        if float(np.ptp(drift)) > self.drift and (cause := self._cause(joint, visits)):
+            self.inconclusive(f"{text}; explained by: {cause}")
+        hint = f"{text}; {likely_causes('drift')}"
         self.measure("drift at the end", last, "deg", low=-self.drift, high=self.drift, hint=hint)
         if len(drift) >= _FEWEST:
             self._judge_trend(name, swings, drift)
-        self.record("drift", half_swings=(swings, "count"), drift=(drift, "deg"))
+
+    def _cause(self, joint: int, visits: _Visits) -> str:
+        """Return which encoder explains the drift of a joint that shares a motor with another one; "" if its own do."""
+        names, transmission = self.robot_part.names, self.transmission
+        motion = Motion.of(
+            np.array(visits.joints), np.array(visits.motors), transmission.gearbox, transmission.coupling
+        )
+        wrong = accused(encoder_evidence(motion, names, Tolerance(self.drift, share=0.0)))
+        sharing = sorted({*wrong} & {*transmission.coupled(joint)} - {joint})
+        if joint in wrong or not sharing:
+            return ""
+        return f"the encoder of {names[sharing[0]]} drifts, which shares a motor with it"
 
     def _judge_trend(self, name: str, swings: FloatArray, drift: FloatArray) -> None:
         """Judge the lower confidence bound of the linear trend of the drift."""

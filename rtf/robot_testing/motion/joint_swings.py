@@ -220,12 +220,18 @@ class JointSwinger:
         late = _unseen_outcomes(part, unseen) or watch.late(part)
         if late:
             found = stop_evidence(part, None, self.transmission, late=late)
+            certain = {*unseen} - self._explained(found)
             found += [
-                _evidence(part, joint, late[joint], Strength.CERTAIN if joint in unseen else Strength.UNCERTAIN)
+                _evidence(part, joint, late[joint], Strength.CERTAIN if joint in certain else Strength.UNCERTAIN)
                 for joint in late
             ]
             self.exclude(self._blamed(found, late))
         return failed | {j: self._lost_before(j) for j in going if self.lost(j)} | late
+
+    def _explained(self, found: Collection[Evidence]) -> set[int]:
+        """Return the joints that share motors with those whom certain evidence accuses, and are not accused."""
+        wrong = {joint for one in found if one.strength is Strength.CERTAIN for joint in one.joints}
+        return {other for joint in wrong for other in self.transmission.coupled(joint)} - wrong
 
     def _lost_before(self, joint: int) -> Outcome:
         """Return the outcome of a joint that was excluded for another reason than this move."""
