@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from measuring import TESTRUNNER
 
 from rtf.robot.model import load_robot
-from rtf.robot_testing.proof import Case, Expectation, write_suites
+from rtf.robot_testing.proof import Case, Expectation, faulty_joints, write_suites
 from rtf.simulator.faults import KINDS, Target
 from rtf.testing.events import Message, SubResultEnded
 from rtf.testing.journal import read
@@ -60,13 +60,6 @@ class Blamed(NamedTuple):
     def right(self) -> bool:
         """Whether it named the right joint first."""
         return self.first in self.faulty
-
-
-def faulty_joints(case: Case) -> frozenset[str]:
-    """Return the joints that a fault concerns: a kind that exchanges something concerns two."""
-    other = round(case.values.get("by", 1.0)) if case.fault.endswith("_swapped") else 0
-    place = ROBOT.index[case.target]
-    return frozenset({ROBOT.axes[place].name, ROBOT.axes[place + other].name})
 
 
 def cases(tests: Sequence[str], faults: Sequence[str], joints: Sequence[str]) -> Iterator[Case]:

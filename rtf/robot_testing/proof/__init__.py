@@ -6,7 +6,7 @@ runner, ``judging`` compares the results with the claims, and ``matrix`` writes 
 
 from rtf.robot_testing.proof.cases import Case, Expectation, cases_of, limits_of, on_units, others_of
 from rtf.robot_testing.proof.claims import Claims, ClaimsError, Reason, read_claims, read_reasons
-from rtf.robot_testing.proof.judging import JudgedCase, Judgement, judge
+from rtf.robot_testing.proof.judging import JudgedCase, Judgement, faulty_joints, judge
 from rtf.robot_testing.proof.matrix import write_matrix
 from rtf.robot_testing.proof.shipped import shipped_cases
 from rtf.robot_testing.proof.suites import read_suites, write_suites
@@ -20,6 +20,7 @@ __all__ = [
     "Judgement",
     "Reason",
     "cases_of",
+    "faulty_joints",
     "judge",
     "limits_of",
     "on_units",

@@ -94,8 +94,16 @@ def _names(problem: Message, case: Case) -> bool:
     name, known = case.names, robot_of(case.robot).index.keys()
     joints = known & set(re.split(r"[ /]", problem.subject))
     if joints and name in known:
-        return name in joints
+        return not joints.isdisjoint(faulty_joints(case) if name == case.target else {name})
     return name in f"{problem.subject}: {problem.detail}"
+
+
+def faulty_joints(case: Case) -> frozenset[str]:
+    """Return the joints that a fault of an axis concerns: a kind that exchanges something concerns two."""
+    robot = robot_of(case.robot)
+    place = robot.index[case.target]
+    other = round(case.values.get("by", 1.0)) if case.fault.endswith("_swapped") else 0
+    return frozenset({robot.axes[place].name, robot.axes[place + other].name})
 
 
 #: Verdicts that say nothing about the robot.

@@ -239,6 +239,23 @@ def test_the_judgement_of_a_case(expectation: Expectation, verdict: Verdict, fai
 
 
 @pytest.mark.parametrize(
+    ("fault", "subject", "said"),
+    [
+        ("motors_swapped", "torso_roll", Judgement.FOUND),
+        ("motors_swapped", "torso_pitch", Judgement.FOUND),
+        ("motors_swapped", "torso_yaw", Judgement.UNNAMED),
+        ("motor_dead", "torso_pitch", Judgement.UNNAMED),
+    ],
+)
+def test_a_fault_that_exchanges_two_is_found_at_either(fault: str, subject: str, said: Judgement):
+    """Both are faulty; any other fault is that of its target."""
+    case = Case("MotorTest", Expectation.FOUND, fault, "torso_roll", {"by": 1.0}, names="torso_roll")
+    found = result(Verdict.FAILED, "it does not move")
+    found.problems = [replace(found.problems[0], subject=subject)]
+    assert judge(case, found).judgement is said
+
+
+@pytest.mark.parametrize(
     ("names", "subject", "detail", "said"),
     [
         ("l_knee", "l_hip_pitch", "l_knee turns at 153 deg/s, too fast", Judgement.UNNAMED),
