@@ -210,14 +210,15 @@ class OpticalEncodersDrift(JointsTest):
     def _cause(self, joint: int, visits: _Visits) -> str:
         """Return which encoder explains the drift of a joint that shares a motor with another one; "" if its own do."""
         names, transmission = self.robot_part.names, self.transmission
-        motion = Motion.of(
-            np.array(visits.joints), np.array(visits.motors), transmission.gearbox, transmission.coupling
-        )
-        wrong = accused(encoder_evidence(motion, names, Tolerance(self.drift, share=0.0)))
-        sharing = sorted({*wrong} & {*transmission.coupled(joint)} - {joint})
-        if joint in wrong or not sharing:
+        sharing = {*transmission.coupled(joint)} - {joint}
+        if not sharing:
             return ""
-        return f"the encoder of {names[sharing[0]]} drifts, which shares a motor with it"
+        positions, motors = np.array(visits.joints), np.array(visits.motors)
+        motion = Motion.of(positions, motors, transmission.gearbox, transmission.coupling)
+        wrong = accused(encoder_evidence(motion, names, Tolerance(self.drift, share=0.0)))
+        if joint in wrong or sharing.isdisjoint(wrong):
+            return ""
+        return f"the encoder of {names[min(sharing & {*wrong})]} drifts, which shares a motor with it"
 
     def _judge_trend(self, name: str, swings: FloatArray, drift: FloatArray) -> None:
         """Judge the lower confidence bound of the linear trend of the drift."""

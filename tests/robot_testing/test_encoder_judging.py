@@ -113,7 +113,7 @@ def drift(apart):
     """Return OpticalEncodersDrift after it has judged these deviations, measured every six half-swings."""
     test = kept_test("OpticalEncodersDrift", robot_part=PART, transmission=GEARED, chosen=[0], complaints={})
     test.swinger = SimpleNamespace(verdict=lambda joint, outcome: None)
-    test._judge(0, 6.0 * np.arange(len(apart)), np.array(apart), 1.0)
+    test._judge(0, SimpleNamespace(swings=6.0 * np.arange(len(apart))), np.array(apart), 1.0)
     return test.kept
 
 
