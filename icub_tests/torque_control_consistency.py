@@ -14,7 +14,7 @@ from rtf.robot_testing.motion.part import PACE
 from rtf.robot_testing.motion.routines import run_to_end
 from rtf.robot_testing.motion.start_position import bring, hold, starting_point
 from rtf.robot_testing.torque_control import holding_torques, torque_joints
-from rtf.robot_testing.torque_disturbance import motors_by_torques, torque_disturbance
+from rtf.robot_testing.torque_disturbance import motors_by_torques, torque_disturbance, weak_motor
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -234,9 +234,11 @@ class TorqueControlConsistency(RobotTest):
             f"reference that is read back, {what}", reported - told, "Nm", -self.tolerance, self.tolerance, hint=hint
         )
         seen = f"{given} measures {self.as_text(measured, 'Nm', '.3f')}"
-        if abs(measured - told) > self.answer and (cause := self._cause(part, joint)):
+        wrong = abs(measured - told) > self.answer
+        if wrong and (cause := self._cause(part, joint)):
             self.inconclusive(f"{seen}; but {cause}")
-        hint = f"{seen}; {likely_causes('torque answer')}"
+        known = weak_motor(part, self.transmission, joint) if wrong else ""
+        hint = f"{seen}; {known or likely_causes('torque answer')}"
         self.measure(f"measured minus told, {what}", measured - told, "Nm", -self.answer, self.answer, hint=hint)
 
 

@@ -14,7 +14,7 @@ from rtf.robot_testing.guard.simulated import is_simulated
 from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.motion.start_position import bring, hold, starting_point
 from rtf.robot_testing.torque_control import greatest_torque, torque_joints
-from rtf.robot_testing.torque_disturbance import motors_by_torques, torque_disturbance
+from rtf.robot_testing.torque_disturbance import motors_by_torques, torque_disturbance, weak_motor
 from rtf.simulator.control_client import SimulatorControl
 from rtf.testing import Parameter
 
@@ -274,9 +274,11 @@ class TorqueControlStiffDampCheck(RobotTest):
             f"{name}: {what} is {self.as_text(slope, unit, '.4g')}, and was set to {self.as_text(wanted, unit, '.4g')}"
         )
         correlation = abs(line.correlation) if math.isfinite(line.correlation) else 0.0
+        known = ""
         if not low <= slope / wanted <= high or correlation < self.correlation:
             self._end_if_disturbed(part, joint, text)
-        hint = f"{text}; {likely_causes('impedance')}"
+            known = weak_motor(part, self.transmission, joint)
+        hint = f"{text}; {known or likely_causes('impedance')}"
         self.measure(f"{what}, share of what was set", slope / wanted, "", low, high, hint=hint)
         course = "how far" if what == "stiffness" else "how fast"
         hint = (

@@ -35,6 +35,12 @@ def torque_disturbance(part: Part, transmission: Transmission, joint: int) -> st
     return disturbance(part, joint)
 
 
+def weak_motor(part: Part, transmission: Transmission, joint: int) -> str:
+    """Return that the motor of a joint gives another torque than by its current, and why that may be; "" if not."""
+    own = accused(motors_by_torques(part, transmission, joint)).get(joint)
+    return own.sentence if own is not None else ""
+
+
 def motors_by_torques(part: Part, transmission: Transmission, joint: int) -> list[Evidence]:
     """Return the evidence on the motors that a joint shares whose torque is not that of their current.
 

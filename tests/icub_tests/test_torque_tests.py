@@ -135,6 +135,11 @@ def test_a_weak_motor_that_two_joints_share_is_the_fault_of_its_own(outcome, nam
     (doubt, *_) = (event for event in said if event.subject.startswith("l_shoulder_pitch"))
     assert failed == {"l_shoulder_roll"}
     assert "the motor of l_shoulder_roll gives" in doubt.detail
+    assert any(
+        "the motor of l_shoulder_roll gives" in event.detail and "magnets" in event.detail
+        for event in said
+        if event.severity is Severity.FAILURE
+    )
 
 
 @pytest.mark.parametrize(("noise", "least"), [(0.0, 0.995), (1.0, 0.94), (3.0, 0.6)])
