@@ -117,7 +117,7 @@ class Tail:
     """The last lines that a process wrote to any of its streams, for the report of its end."""
 
     def __init__(self, *, lines: int = 40, width: int = 2000) -> None:
-        self._lines: deque[bytes] = deque(maxlen=lines)
+        self._lines: deque[tuple[str, bytes]] = deque(maxlen=lines)
         self._width = width
         self._begun: dict[str, bytes] = {}
 
@@ -125,14 +125,18 @@ class Tail:
         """Take bytes that were read from a stream; of a line longer than ``width`` bytes the beginning is kept."""
         *whole, rest = data.split(b"\n")
         for line in whole:
-            self._lines.append((self._begun.pop(stream, b"") + line)[: self._width])
+            self._lines.append((stream, (self._begun.pop(stream, b"") + line)[: self._width]))
         if rest:
             self._begun[stream] = (self._begun.get(stream, b"") + rest[: self._width])[: self._width]
 
+    def lines(self, only: str = "") -> list[str]:
+        """Return the lines, with the unfinished ones last; those of one stream with its name."""
+        lines = [*self._lines, *self._begun.items()]
+        return [line.decode("utf-8", "backslashreplace").rstrip("\r") for name, line in lines if only in ("", name)]
+
     def text(self) -> str:
-        """Return the lines, with the unfinished ones last."""
-        lines = [*self._lines, *self._begun.values()]
-        return "\n".join(line.decode("utf-8", "backslashreplace").rstrip("\r") for line in lines)
+        """Return the lines of all streams in one text."""
+        return "\n".join(self.lines())
 
 
 def boundary(data: bytes | bytearray, at: int) -> int:

@@ -155,10 +155,14 @@ class FixtureProgram:
                 raise FixtureCollapsed(f"{self.name} was not ready after {timeout:g} s: {what}")
 
     def _how_it_ended(self) -> str:
-        """Return how it ended, with the last line that it has written before an exit status of an error."""
+        """Return how it ended; with an exit status of an error, the last line that it wrote, to stderr if there is one.
+
+        Its streams are two pipes: which of them was written last cannot be told.
+        """
         text, status = f"{self.name} ended: {self.end}", self.end.exit_status if self.end is not None else None
-        last = next((line for line in reversed(self._tail.text().splitlines()) if line.strip()), "") if status else ""
-        return f"{text}; its last line: {last.strip()[:_SHOWN]}" if last else text
+        lines = [*self._tail.lines("stdout"), *self._tail.lines("stderr")] if status else []
+        last = next((line.strip() for line in reversed(lines) if line.strip()), "")
+        return f"{text}; its last line: {last[:_SHOWN]}" if last else text
 
     def wait(self, timeout: float) -> bool:
         """Wait at most ``timeout`` seconds for the program's end to be known. Any thread."""
