@@ -15,7 +15,7 @@ from rtf.robot_testing.judging.step_response import largest
 from rtf.robot_testing.robot_name import robot_model
 from rtf.robot_testing.step_test import alike
 from rtf.robot_testing.torque_control import greatest_torque, holding_torques, torque_joints
-from rtf.robot_testing.torque_disturbance import torque_disturbance
+from rtf.robot_testing.torque_disturbance import motors_by_torques, torque_disturbance
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -93,7 +93,8 @@ class TorqueControlAccuracy(CoupledStepTest):
 
     def disturbed(self, joint: int) -> str:
         """See StepTest: a motor that it shares may give another torque."""
-        return torque_disturbance(self.robot_part, self.transmission, joint)
+        motors = motors_by_torques(self.robot_part, self.transmission, joint)
+        return torque_disturbance(self.robot_part, joint, motors)
 
     def room(self, joint: int) -> float:
         return min(self.travel, 0.5 * float(self.robot_part.high[joint] - self.robot_part.low[joint]))

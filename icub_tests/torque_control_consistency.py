@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Part
+    from rtf.robot_testing.judging.blame import Evidence
 
 #: Forms of the command: a single joint, a group of joints, the whole part.
 _FORMS = ("single", "group", "all")
@@ -211,16 +212,17 @@ class TorqueControlConsistency(RobotTest):
             f"{part.shown_torque(joint, self.change, 'g')} of its holding torque; "
             f"{part.shown(joint, _TRAVEL, 'g')} are allowed"
         )
-        if reason := excuse or self._cause(part, joint):  # the torques hold it for a moment only
+        motors = motors_by_torques(part, self.transmission, joint)
+        if reason := excuse or self._cause(part, joint, motors):  # the torques hold it for a moment only
             self.inconclusive(f"{text}; but {reason}")
         if joint in self._stayed:
             return f"{text}; but it stays when it is tested alone: another joint moves it"
         self.check(False, f"{text}; {likely_causes('runs away')}")
         return ""
 
-    def _cause(self, part: Part, joint: int) -> str:
+    def _cause(self, part: Part, joint: int, motors: Sequence[Evidence]) -> str:
         """Return which other joint or motor explains that a joint moved, or that its torque is wrong; "" if none."""
-        return self.explained(part, joint) or torque_disturbance(part, self.transmission, joint)
+        return self.explained(part, joint) or torque_disturbance(part, joint, motors)
 
     def _judge(self, part: Part, joint: int, answer: _Answer) -> None:
         name, what = part.names[joint], self.as_text(answer.change, "Nm", "+g")
@@ -234,10 +236,12 @@ class TorqueControlConsistency(RobotTest):
             f"reference that is read back, {what}", reported - told, "Nm", -self.tolerance, self.tolerance, hint=hint
         )
         seen = f"{given} measures {self.as_text(measured, 'Nm', '.3f')}"
-        wrong = abs(measured - told) > self.answer
-        if wrong and (cause := self._cause(part, joint)):
-            self.inconclusive(f"{seen}; but {cause}")
-        known = weak_motor(part, self.transmission, joint) if wrong else ""
+        known = ""
+        if abs(measured - told) > self.answer:
+            motors = motors_by_torques(part, self.transmission, joint)
+            if cause := self._cause(part, joint, motors):
+                self.inconclusive(f"{seen}; but {cause}")
+            known = weak_motor(joint, motors)
         hint = f"{seen}; {known or likely_causes('torque answer')}"
         self.measure(f"measured minus told, {what}", measured - told, "Nm", -self.answer, self.answer, hint=hint)
 

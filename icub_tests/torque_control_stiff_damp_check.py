@@ -19,10 +19,11 @@ from rtf.simulator.control_client import SimulatorControl
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Part, Trace
+    from rtf.robot_testing.judging.blame import Evidence
 
 #: Time at rest before a joint is moved, and time for a board to show its mode, s.
 _REST, _MODE_TIME = 0.3, 0.5
@@ -276,8 +277,7 @@ class TorqueControlStiffDampCheck(RobotTest):
         correlation = abs(line.correlation) if math.isfinite(line.correlation) else 0.0
         known = ""
         if not low <= slope / wanted <= high or correlation < self.correlation:
-            self._end_if_disturbed(part, joint, text)
-            known = weak_motor(part, self.transmission, joint)
+            known = weak_motor(joint, self._end_if_disturbed(part, joint, text))
         hint = f"{text}; {known or likely_causes('impedance')}"
         self.measure(f"{what}, share of what was set", slope / wanted, "", low, high, hint=hint)
         course = "how far" if what == "stiffness" else "how fast"
@@ -311,7 +311,12 @@ class TorqueControlStiffDampCheck(RobotTest):
             self.assert_fail(f"{text}: it does not give way; {likely_causes('does not move')}")
         self.inconclusive(text)
 
-    def _end_if_disturbed(self, part: Part, joint: int, text: str) -> None:
-        """End as inconclusive if another joint or motor explains what the text says of a joint."""
-        if cause := self.explained(part, joint) or torque_disturbance(part, self.transmission, joint):
+    def _end_if_disturbed(self, part: Part, joint: int, text: str) -> Sequence[Evidence]:
+        """End as inconclusive if another joint or motor explains what the text says of a joint.
+
+        Return the evidence of the torques on the motors otherwise.
+        """
+        motors = motors_by_torques(part, self.transmission, joint)
+        if cause := self.explained(part, joint) or torque_disturbance(part, joint, motors):
             self.inconclusive(f"{text}; but {cause}")
+        return motors

@@ -21,7 +21,6 @@ class StopJudging(TestCase):
 
     _evidence: Mapping[str, list[Evidence]] = MappingProxyType({})  # certain and likely evidence of stops, by part
     _first_stops: Mapping[str, Evidence] = MappingProxyType({})  # the strongest evidence of the first stop, by part
-    _stopped: Mapping[str, frozenset[int]] = MappingProxyType({})  # the joints that were stopped, by part
 
     def judge_stop(
         self,
@@ -42,7 +41,8 @@ class StopJudging(TestCase):
         """
         found = [*stop_evidence(part, error, moved=joint), *known]
         self._note(part, joint, found)
-        self._note_stop(part, error.joint)
+        if part.guard is not None:
+            part.guard.leave_if_stopped_again(error.joint)
         wrong = accused(found)
         own = complaint_of_stop(joint, error, findings)
         first = self.first_stop(part, next(iter(wrong.values()), own))
@@ -74,13 +74,6 @@ class StopJudging(TestCase):
                 if one != joint or evidence.strength is Strength.LIKELY:
                     part.guard.exclude(one, "it does not obey its commands")
                     part.guard.exclude_coupled(one, "which was left without power")
-
-    def _note_stop(self, part: Part, joint: int) -> None:
-        """Remember that the guard stopped a joint; a second time, leave it and what shares its motors without power."""
-        if part.guard is not None and joint in self._stopped.get(part.name, frozenset()) - {-1}:
-            part.guard.exclude(joint, "it had to be stopped again")
-            part.guard.exclude_coupled(joint, "which was left without power")
-        self._stopped = {**self._stopped, part.name: self._stopped.get(part.name, frozenset()) | {joint}}
 
     def judge_if_lost(self, part: Part, joint: int) -> bool:
         """Return whether a joint was excluded; judge it by what is known in that case.

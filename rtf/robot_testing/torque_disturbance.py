@@ -14,6 +14,8 @@ from rtf.robot_testing.motion.disturbance import disturbance
 from rtf.robot_testing.torque_control import greatest_torque
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rtf.robot_testing.guard.transmission import Transmission
     from rtf.robot_testing.judging.blame import Evidence
     from rtf.robot_testing.motion.part import Part
@@ -25,9 +27,12 @@ _FRICTION = 0.04
 _LIMP = [int(mode) for mode in LIMP]
 
 
-def torque_disturbance(part: Part, transmission: Transmission, joint: int) -> str:
-    """Return what disturbs a joint and its torque, see ``disturbance``: a motor that it shares may be weak, too."""
-    wrong = accused(motors_by_torques(part, transmission, joint))
+def torque_disturbance(part: Part, joint: int, motors: Sequence[Evidence]) -> str:
+    """Return what disturbs a joint and its torque, see ``disturbance``: a motor that it shares may be weak, too.
+
+    ``motors`` is the evidence of ``motors_by_torques``.
+    """
+    wrong = accused(motors)
     if joint in wrong:
         return ""
     if wrong:
@@ -35,9 +40,9 @@ def torque_disturbance(part: Part, transmission: Transmission, joint: int) -> st
     return disturbance(part, joint)
 
 
-def weak_motor(part: Part, transmission: Transmission, joint: int) -> str:
+def weak_motor(joint: int, motors: Sequence[Evidence]) -> str:
     """Return that the motor of a joint gives another torque than by its current, and why that may be; "" if not."""
-    own = accused(motors_by_torques(part, transmission, joint)).get(joint)
+    own = accused(motors).get(joint)
     return own.sentence if own is not None else ""
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, NoReturn
@@ -90,6 +91,7 @@ class MotionGuard(GuardedPart):
         self._contacts = contacts
         self._limitation_reported = False  # whether the low sensitivity to contacts was reported
         self._cpu_pressure = RecentCpuPressure()
+        self._stops = Counter[int]()  # how often joints were stopped
         #: Called with a joint that was stopped.
         self.on_stop: Callable[[int], object] | None = None
 
@@ -318,6 +320,7 @@ class MotionGuard(GuardedPart):
     ) -> NoReturn:
         """Stop joints and raise GuardError with ``text``, even if the board refuses to stop them."""
         time = self.clock.now()
+        self._stops[joint] += 1
         try:
             (react or self.halt)(joints)
         except RobotError as error:
@@ -325,6 +328,17 @@ class MotionGuard(GuardedPart):
         if self.on_stop is not None:
             self.on_stop(joint)
         raise GuardError(text, joint, self.excuse(), finding, time)
+
+    def leave_if_stopped_again(self, joint: int) -> bool:
+        """Exclude a joint that had to be stopped more than once, with those that share its motors; return whether.
+
+        The first stop may be an accident.
+        """
+        if self._stops[joint] <= 1:
+            return False
+        self.exclude(joint, "it had to be stopped again")
+        self.exclude_coupled(joint, "which was left without power")
+        return True
 
     # Afterwards ------------------------------------------------------------------------------------------------------
 

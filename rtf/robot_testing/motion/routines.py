@@ -77,9 +77,9 @@ def run_queues(
 
     ``joints`` are the queues, each a list of groups of joints, see :mod:`rtf.robot_testing.motion.joint_queues`. A
     GuardError about a joint is raised inside its routine; if that one does not run, inside the running routine of its
-    queue, or else in any. All other routines go on. A joint that the guard stops a second time is excluded and left
-    without power, and only its own routine gets that error. Late ticks are skipped. Any other error closes all routines
-    and is raised, and so is a GuardError if no routine is left to take it.
+    queue, or else in any. All other routines go on. A joint that the guard stops a second time is excluded, with those
+    that share its motors, and only its own routine gets that error. Late ticks are skipped. Any other error closes all
+    routines and is raised, and so is a GuardError if no routine is left to take it.
     """
     running: dict[int, Routine[None]] = {}
     try:
@@ -99,7 +99,7 @@ def _run_all(
 ) -> None:
     left = [list(queue) for queue in joints]
     queue_of = {joint: number for number, queue in enumerate(joints) for members in queue for joint in members}
-    begin, stopped = part.clock.now(), set[int]()
+    begin = part.clock.now()
     trip: GuardError | None = None
     while True:
         # Before new routines start: they have nothing to do with it.
@@ -116,23 +116,20 @@ def _run_all(
         tick = math.floor((part.clock.now() - begin) / pace + _ROUNDING) + 1
         part.clock.sleep(begin + tick * pace - part.clock.now())
         unhandled = trip if concerned is None else None
-        trip = _watch(part, stopped, running) or unhandled
+        trip = _watch(part, running) or unhandled
     if trip is not None:
         raise trip
 
 
-def _watch(part: Guarded, stopped: set[int], running: Iterable[int]) -> GuardError | None:
-    """Let the guard watch. Return its error if a routine has to handle it; note its joint in ``stopped``."""
+def _watch(part: Guarded, running: Iterable[int]) -> GuardError | None:
+    """Let the guard watch. Return its error if a routine has to handle it."""
     if part.guard is None:
         return None
     try:
         part.guard.watch()
     except GuardError as error:
-        if error.joint in stopped:
-            part.guard.exclude(error.joint, "it had to be stopped again")
-            return error if error.joint in running else None
-        stopped.add(error.joint)
-        return error
+        again = part.guard.leave_if_stopped_again(error.joint)
+        return None if again and error.joint not in running else error
     return None
 
 

@@ -723,6 +723,18 @@ def test_an_excluded_joint_is_not_powered_with_a_coupled_one(bench: Bench):
     assert bench.said[-1] == "joint2 is left idle: it is coupled with joint1, which is to stay idle"
 
 
+def test_a_joint_that_is_stopped_again_is_left_with_those_that_share_its_motors(bench: Bench):
+    """The first stop may be an accident; one of another joint does not count."""
+    guard = bench.guard()
+    for stopped, joint in ((1, 1), (1, 0), (2, 1)):
+        bench.measure("joint_positions", joint, 106.0)
+        with pytest.raises(GuardError, match=f"joint{joint} "):
+            guard.watch()
+        assert guard.leave_if_stopped_again(joint) is (stopped == 2)
+    assert [guard.is_excluded(joint) for joint in range(3)] == [False, True, True]
+    assert bench.device.control_modes() == (ControlMode.POSITION, ControlMode.IDLE, ControlMode.IDLE)
+
+
 def test_an_excluded_joint_that_is_not_idle_is_reported_once(bench: Bench):
     """The command is repeated, and the other joints can still be tested."""
     guard = bench.guard()

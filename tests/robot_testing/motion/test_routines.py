@@ -16,6 +16,7 @@ class Scripted:
         self.clock = self.guard = self
         self.names = NAMES
         self.time, self.trips, self.idle = 0.0, dict(trips), []
+        self.stopped = []
 
     def now(self):
         """Return the time, in s."""
@@ -30,12 +31,14 @@ class Scripted:
         """Raise the errors that are scripted for this tick."""
         joint = self.trips.get(round(self.time / 0.1))
         if joint is not None:
+            self.stopped.append(joint)
             raise GuardError(f"{NAMES[joint]} is too fast", joint)
 
-    def exclude(self, joint, reason):
-        """Keep the number of an excluded joint."""
-        assert reason
-        self.idle.append(joint)
+    def leave_if_stopped_again(self, joint):
+        """Keep the number of a joint that was stopped twice."""
+        again = self.stopped.count(joint) > 1
+        self.idle += [joint] * again
+        return again
 
 
 def journal(part, ticks):
