@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from free_ports import free_port
 from rtf.bottle import Bottle, Dialect, Property
 from rtf.middleware.carriers.stream_carrier import TCP
 from rtf.middleware.ports import remote
@@ -149,9 +150,7 @@ class TestAdd:
     def test_a_missing_port(self, port: Port, network: Network, said: list[str], way: str):
         """A port that is unknown or gone gives an error, whose cause the asked port reports."""
         assert ask(port, "[add] /nosuch", way) == Bottle([-1, "Do not know how to connect to /nosuch\r\n"])
-        with socket.create_server(("127.0.0.1", 0)) as listening:
-            number = listening.getsockname()[1]
-        network.names.register("/gone", host="127.0.0.1", port=number)
+        network.names.register("/gone", host="127.0.0.1", port=free_port())
         assert ask(port, "[add] /gone", way) == Bottle([-1, "Cannot connect to /gone\r\n"])
         assert said == ["Cannot connect to /gone: Connection refused"]
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from free_ports import free_port
 from rtf import clock
 from rtf.bottle import Bottle, Dialect, Vocab
 from rtf.middleware.ports import disconnect_sources, remote
@@ -109,9 +110,7 @@ class TestBounded:
 
     def test_dead_ones(self, network: Network):
         """Sources whose port is gone do not delay closing."""
-        with socket.create_server(("127.0.0.1", 0)) as listening:
-            number = listening.getsockname()[1]
-        network.names.register("/dead", carrier="tcp", host="127.0.0.1", port=number)
+        network.names.register("/dead", carrier="tcp", host="127.0.0.1", port=free_port())
         with Port("/reader", network=network) as reader, caller(reader, "/dead"):
             began = clock.monotonic()
             reader.close()

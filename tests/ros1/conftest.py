@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import socket
 import subprocess
 import tempfile
 from contextlib import contextmanager
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from free_ports import free_port
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
 from rtf.ros1.errors import MasterError
@@ -20,13 +20,6 @@ from waiting import eventually
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
-
-
-def free_port() -> int:
-    """Return a port that nobody has."""
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        return int(taken.getsockname()[1])
 
 
 class Ros:

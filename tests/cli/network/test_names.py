@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from free_ports import free_port
 from rtf.middleware.naming.discovery import PORT as DISCOVERY
 
 if TYPE_CHECKING:
@@ -63,9 +64,7 @@ def test_the_console_of_yarp(net: Net):
 def test_clean_forgets_only_what_is_gone(net: Net):
     """``rtf clean`` unregisters a port that does not answer, and no other."""
     reader = net.opened("/reader", "read", "/reader")
-    with socket.create_server(("127.0.0.1", 0)) as closed:
-        gone = closed.getsockname()[1]
-    net.run("name", "register", "/gone", "tcp", "127.0.0.1", str(gone))
+    net.run("name", "register", "/gone", "tcp", "127.0.0.1", str(free_port()))
     printed = net.run("clean").stdout.splitlines()
     assert "* No response, removing port /gone" in printed
     assert len([line for line in printed if "removing" in line]) == 1

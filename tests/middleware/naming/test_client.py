@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from free_ports import free_port
 from rtf import clock
 from rtf.middleware.carriers.stream import Stream
 from rtf.middleware.errors import AddressError, ConnectError, ProtocolError
@@ -40,8 +41,7 @@ def serving(serve: Callable[[socket.socket], None], patience: float = 10.0) -> I
 
 def test_no_server():
     """The error about a missing server names its address, and says how to start one."""
-    with socket.create_server(("127.0.0.1", 0)) as listening:
-        number = listening.getsockname()[1]
+    number = free_port()
     names = RemoteNames(Contact("/root", "127.0.0.1", number, "tcp"))
     for ask in (lambda: names.register("/a"), lambda: names.query("/a"), names.list, lambda: names.announce("/a")):
         with pytest.raises(ConnectError, match=rf"127\.0\.0\.1:{number} .*refused; start one with 'rtf nameserver'"):

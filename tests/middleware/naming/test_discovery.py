@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from free_ports import free_port
 from rtf import clock
 from rtf.middleware.naming.discovery import GROUP, Answerer, detect
 from rtf.middleware.wire.contact import Contact
@@ -22,9 +23,7 @@ ROOT = Contact("/root", "127.0.0.1", 10321, "tcp")
 @pytest.fixture
 def number() -> int:
     """A UDP port that is not in use."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+    return free_port(socket.SOCK_DGRAM)
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ from contextlib import closing
 import can
 import pytest
 
+from free_ports import free_port
 from rtf.robot.devices.can.bus import CanBus
 from rtf.robot.devices.can.bus_settings import DATAGRAMS, MULTICAST_GROUP, BusSettings
 from rtf.robot.devices.can.interfaces import open_interface
@@ -16,16 +17,9 @@ from rtf.robot.errors import DeviceError
 from waiting import eventually
 
 
-def free_port() -> int:
-    """Return a port that nobody has."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
-        one.bind(("127.0.0.1", 0))
-        return int(one.getsockname()[1])
-
-
 def settings() -> BusSettings:
     """A bus of this test alone."""
-    return BusSettings(DATAGRAMS, MULTICAST_GROUP, options=(("port", free_port()),))
+    return BusSettings(DATAGRAMS, MULTICAST_GROUP, options=(("port", free_port(socket.SOCK_DGRAM)),))
 
 
 def test_frames_arrive_in_their_order_and_not_at_their_sender():

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from free_ports import free_port
 from rtf.robot.devices.can import motor_messages as m
 from rtf.robot.devices.can.bus import CanBus
 from rtf.robot.devices.can.bus_settings import MULTICAST_GROUP, BusSettings
@@ -21,14 +22,6 @@ from waiting import eventually
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-
-def free_port() -> int:
-    """Return a port that no datagram socket has."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
-        one.bind(("127.0.0.1", 0))
-        number: int = one.getsockname()[1]
-        return number
 
 
 def command(*words: str) -> list[str]:
@@ -56,7 +49,7 @@ def boards(port: int) -> Iterator[subprocess.Popen[str]]:
 
 def test_a_host_finds_asks_and_hears_the_boards():
     """They answer a search and questions, broadcast what they are asked for, and end with SIGINT."""
-    port = free_port()
+    port = free_port(socket.SOCK_DGRAM)
     with boards(port) as process:
         bus = CanBus(BusSettings("udp_multicast", MULTICAST_GROUP, options=(("port", port),)))
         try:
