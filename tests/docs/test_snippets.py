@@ -5,11 +5,14 @@ from __future__ import annotations
 import os
 import re
 import shlex
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from free_ports import free_port
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -62,11 +65,31 @@ def commands(body: str) -> list[tuple[str, str]]:
     return found
 
 
+def run(command: str, folder: Path, environment: dict[str, str]) -> tuple[int, str]:
+    """Run a command; return its exit status and what it printed. What does not end is killed with all that it runs."""
+    with subprocess.Popen(
+        shlex.split(command, comments=True),
+        cwd=folder,
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as process:
+        try:
+            printed = "".join(process.communicate(timeout=100))
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            raise AssertionError(f"{command}\ndid not end\n{''.join(process.communicate())}") from None
+    return process.returncode, printed
+
+
 @pytest.mark.parametrize("page", [page for page in PAGES if runnable(page)], ids=lambda page: page.stem)
 def test_a_page_does_what_it_says(page: Path, tmp_path: Path):
     """Files and commands of a page, in order, in one folder, give what the page shows."""
     environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}", "NO_COLOR": "1"}
-    environment["COLUMNS"] = "160"
+    environment |= {"COLUMNS": "160", "PORT": str(free_port())}
     for language, attributes, body in blocks(page):
         if "file" in attributes:
             path = tmp_path / attributes["file"]
@@ -78,18 +101,8 @@ def test_a_page_does_what_it_says(page: Path, tmp_path: Path):
             for command, shown in commands(body):
                 if command.startswith(("make ", "git ", "pip ")):
                     continue  # what installs the project is run by CI itself
-                done = subprocess.run(
-                    shlex.split(command, comments=True),
-                    cwd=tmp_path,
-                    env=environment,
-                    capture_output=True,
-                    text=True,
-                    stdin=subprocess.DEVNULL,
-                    timeout=100,
-                    check=False,
-                )
-                printed = done.stdout + done.stderr
-                assert done.returncode == int(attributes.get("exit", "0")), f"{command}\n{printed}"
+                status, printed = run(command, tmp_path, environment)
+                assert status == int(attributes.get("exit", "0")), f"{command}\n{printed}"
                 assert matches(shown, printed), f"{command}\nshown:\n{shown}\nprinted:\n{printed}"
 
 
