@@ -38,6 +38,8 @@ _SETPOINTS = MessageClass.MOTOR_PERIODIC << 8 | HOST << 4 | EVERYONE
 _WARNING, _PASSIVE = 96, 128
 #: Frames with one identifier that are nearer to each other than this share of the cycle cannot both be on schedule.
 _NEAR = 0.5
+#: Seconds before and after a speed with which it is averaged.
+_AROUND = 0.05
 
 
 class BoardOnBus(NamedTuple):
@@ -233,8 +235,15 @@ def longest_gap(times: Sequence[float]) -> tuple[float, float]:
 
 
 def rest_after(times: FloatArray, speeds: FloatArray, share: float) -> float | None:
-    """Return the time (s) from which on all speeds are below a share of the greatest one; None if it never rests."""
-    fast = np.flatnonzero(np.abs(speeds) > share * np.abs(speeds).max(initial=0.0))
+    """Return the time (s) from which on all speeds are below a share of the greatest one; None if it never rests.
+
+    Each is the mean of a twentieth of a second before and after it: a board tells a joint that creeps as no speed, and
+    now and then a whole count of it.
+    """
+    sizes = np.abs(speeds)
+    sums = np.concatenate([[0.0], np.cumsum(sizes)])
+    first, last = np.searchsorted(times, times - _AROUND), np.searchsorted(times, times + _AROUND, side="right")
+    fast = np.flatnonzero((sums[last] - sums[first]) / (last - first) > share * sizes.max(initial=0.0))
     if not len(fast):
         return None
     return float(times[fast[-1] + 1]) if fast[-1] + 1 < len(times) else None

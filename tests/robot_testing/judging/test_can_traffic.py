@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -9,7 +12,12 @@ from hypothesis import strategies as st
 from rtf.robot.devices.can import motor_messages as motor
 from rtf.robot.devices.can.codes import BoardType, FocFault
 from rtf.robot.devices.can.messages import Frame
-from rtf.robot_testing.judging.can_traffic import BoardOnBus, CanTraffic, older_than_usual
+from rtf.robot_testing.judging.can_traffic import BoardOnBus, CanTraffic, older_than_usual, rest_after
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rtf.robot.interfaces import FloatArray
 
 BITRATE = 1_000_000
 BOARD = BoardOnBus(2, BoardType.BLL, ("neck_yaw", "eyes_tilt"))
@@ -113,3 +121,26 @@ def test_the_version_of_most_is_the_right_one():
     assert older_than_usual({"a": (3, 5, 0), "b": (2, 5, 0), "c": (3, 5, 0)}) == {"b": (3, 5, 0)}
     assert older_than_usual({"a": (3, 5, 0), "b": (2, 5, 0)}) == {"b": (3, 5, 0)}
     assert older_than_usual({}) == {}
+
+
+def _broadcasts(speeds_at: Callable[[float], float]) -> tuple[FloatArray, FloatArray]:
+    """Times and speeds of a board that broadcasts a speed every 4 ms for 2 s, in counts of 64."""
+    times = np.arange(0.0, 2.0, 0.004)
+    return times, np.array([64.0 * round(speeds_at(time) / 64.0) for time in times])
+
+
+@given(st.floats(0.2, 1.5))
+def test_a_joint_rests_when_it_has_slowed_down(stops: float):
+    """It goes at 6 counts of speed, and slows down within 50 ms."""
+    times, speeds = _broadcasts(lambda time: -384.0 * min(1.0, max(0.0, (stops + 0.05 - time) / 0.05)))
+    assert rest_after(times, speeds, 0.1) == pytest.approx(stops + 0.05, abs=0.06)
+
+
+def test_a_joint_that_creeps_rests_and_one_that_goes_on_does_not():
+    """Creeping shows as a single count now and then, which is more than a tenth of the speed."""
+    times, speeds = _broadcasts(lambda time: 384.0 if time < 1.0 else 0.0)
+    speeds[[400, 420, 424, 450, 499]] = 64.0
+    assert rest_after(times, speeds, 0.1) == pytest.approx(1.04, abs=0.01)
+    assert rest_after(*_broadcasts(lambda _: 384.0), 0.1) is None
+    assert rest_after(*_broadcasts(lambda time: 384.0 if time < 1.0 else 64.0), 0.1) is None
+    assert rest_after(*_broadcasts(lambda _: 0.0), 0.1) is None
