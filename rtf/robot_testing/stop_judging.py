@@ -42,7 +42,7 @@ class StopJudging(TestCase):
         found = [*stop_evidence(part, error, moved=joint), *known]
         self._note(part, joint, found)
         if part.guard is not None:
-            part.guard.leave_if_stopped_again(error.joint)
+            part.guard.exclude_if_stopped_again(error.joint)
         wrong = accused(found)
         own = complaint_of_stop(joint, error, findings)
         first = self.first_stop(part, next(iter(wrong.values()), own))

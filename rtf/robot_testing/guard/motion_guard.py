@@ -329,7 +329,7 @@ class MotionGuard(GuardedPart):
             self.on_stop(joint)
         raise GuardError(text, joint, self.excuse(), finding, time)
 
-    def leave_if_stopped_again(self, joint: int) -> bool:
+    def exclude_if_stopped_again(self, joint: int) -> bool:
         """Exclude a joint that had to be stopped more than once, with those that share its motors; return whether.
 
         The first stop may be an accident.

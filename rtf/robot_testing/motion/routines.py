@@ -128,7 +128,7 @@ def _watch(part: Guarded, running: Iterable[int]) -> GuardError | None:
     try:
         part.guard.watch()
     except GuardError as error:
-        again = part.guard.leave_if_stopped_again(error.joint)
+        again = part.guard.exclude_if_stopped_again(error.joint)
         return None if again and error.joint not in running else error
     return None
 

@@ -730,7 +730,7 @@ def test_a_joint_that_is_stopped_again_is_left_with_those_that_share_its_motors(
         bench.measure("joint_positions", joint, 106.0)
         with pytest.raises(GuardError, match=f"joint{joint} "):
             guard.watch()
-        assert guard.leave_if_stopped_again(joint) is (stopped == 2)
+        assert guard.exclude_if_stopped_again(joint) is (stopped == 2)
     assert [guard.is_excluded(joint) for joint in range(3)] == [False, True, True]
     assert bench.device.control_modes() == (ControlMode.POSITION, ControlMode.IDLE, ControlMode.IDLE)
 

@@ -34,7 +34,7 @@ class Scripted:
             self.stopped.append(joint)
             raise GuardError(f"{NAMES[joint]} is too fast", joint)
 
-    def leave_if_stopped_again(self, joint):
+    def exclude_if_stopped_again(self, joint):
         """Keep the number of a joint that was stopped twice."""
         again = self.stopped.count(joint) > 1
         self.idle += [joint] * again
