@@ -44,6 +44,9 @@ _SIGN = 1.0
 _FASTEST = 0.98
 #: A current of less than this share of what the duty cycle drives does not follow it.
 _FOLLOWS = 0.1
+#: The duty cycle of a joint that is shaken by its controller, while it is only held, jumps by so much from state to
+#: state (%), and by so many times that of the joint that moves. Of a healthy one it jumps by 1 % at most.
+_SHAKES, _MORE = 10.0, 3.0
 
 
 class _Sweep(NamedTuple):
@@ -223,8 +226,8 @@ class JointSweep(JointsTest):
                 name, joint, friction_profile(own.local[~near], joints[~near], duties[~near], sweep.moves)
             )
         if agree and not near.any() and joint in self.motors and np.isfinite(own.currents[:, joint]).all():
-            if shared := self._shared(joint):
-                self.report(f"the motor of {name} is not judged: {shared}")
+            if disturbed := self._shared(joint) or self._shaking(joint):
+                self.report(f"the motor of {name} is not judged: {disturbed}")
                 return
             self._judge_motor(name, joint, own)
             self._judge_viscous_friction(name, joint, own, sweep.moves)
@@ -260,10 +263,21 @@ class JointSweep(JointsTest):
         return next((f"it shares motors: {text}" for one in sharing if (text := self._broken(one))), "")
 
     def _disturbance(self, joint: int) -> str:
-        """Return what disturbs a joint: one that shares its motors, or any that jerks as its motor is interrupted."""
-        if found := limpness(self.robot_part, joint) or self._shared(joint):
+        """Return what disturbs a joint: one that shares its motors, or any that shakes, or jerks without a current."""
+        if found := limpness(self.robot_part, joint) or self._shared(joint) or self._shaking(joint):
             return found
         return next(filter(None, map(self._interrupted, sorted(self._sweeps.keys() - {joint}))), "")
+
+    def _shaking(self, joint: int) -> str:
+        """Return that another joint is shaken by its controller while one is swept; "" if none is."""
+        moves, duties = self._sweeps[joint].moves, self._own(joint).duties
+        begin, end = moves[0][0], moves[-1][1]
+        swept = {one for one, sweep in self._sweeps.items() if sweep.moves[0][0] < end and sweep.moves[-1][1] > begin}
+        jumps = {one: jitter(duties[:, one]) for one in range(self.robot_part.axes) if one not in swept}
+        least = max(_SHAKES, _MORE * jitter(duties[:, joint]))
+        jump, worst = max(((jumps[one], one) for one in jumps if jumps[one] > least), default=(0.0, -1))
+        text = f"{self.robot_part.names[worst]} is shaken by its controller: its duty cycle jumps by {jump:.0f} %"
+        return f"{text} from state to state" if jump else ""
 
     def _judge_friction(self, name: str, joint: int, found: FrictionProfile | None) -> None:
         if found is None:

@@ -28,6 +28,7 @@ from rtf.robot_testing.judging.step_response import (
     step_response,
     with_noise,
 )
+from rtf.robot_testing.judging.swaying import moved_farthest
 from rtf.robot_testing.motion.disturbance import disturbance
 from rtf.robot_testing.motion.routines import pause, run_queues
 from rtf.robot_testing.motion.start_position import bringing, holding, starting_point
@@ -51,7 +52,8 @@ class Cycle(NamedTuple):
     """One step: times of the states (s, the step is at 0), with the measured and the commanded values.
 
     The states are in the order of their times; ``overtaken`` of them arrived after a later one. ``ages`` (s) are those
-    of the newest state at each command. ``late`` is the delay that this machine caused, as text; "" if none.
+    of the newest state at each command. ``late`` is the delay that this machine caused, as text, and ``shaken`` which
+    joint, that was only held, moved farther than the stepped one after its step; "" if none.
     """
 
     time: FloatArray
@@ -62,6 +64,7 @@ class Cycle(NamedTuple):
     overtaken: int
     ages: FloatArray
     late: str
+    shaken: str = ""
 
 
 class StepTest(RobotTest):
@@ -127,6 +130,7 @@ class StepTest(RobotTest):
             for joint, zero in zip(self.chosen, zeros or [None] * len(self.chosen), strict=True)
         }
         self._done = 0
+        self._ends: dict[int, float] = {}  # when the routines of joints ended, s; inf: not yet
 
     def _refuse_high_steps(self) -> None:
         self.assert_error_if_true(
@@ -196,6 +200,7 @@ class StepTest(RobotTest):
         cycles: list[Cycle] = []
         if self.judge_if_lost(part, joint):
             return
+        self._ends[joint] = math.inf
         try:
             while len(cycles) < self.cycles:
                 cycles.append((yield from self._cycle(joint)))
@@ -211,6 +216,7 @@ class StepTest(RobotTest):
         except RtfError as error:
             problem = problem or error
         self._done += 1
+        self._ends[joint] = self.now()
         self.progress(self._done / len(self.chosen), part.names[joint])
         with self.subresult(part.names[joint]):
             self._record(joint, cycles)
@@ -263,7 +269,18 @@ class StepTest(RobotTest):
             overtaken=int((came < np.maximum.accumulate(came)).sum()),
             ages=np.array(ages),
             late=late,
+            shaken=self._shaken(joint, trace, stepped),
         )
+
+    def _shaken(self, joint: int, trace: Trace, stepped: float) -> str:
+        """Return which joint that was only held moved in the second half of the time after a step; "" if none."""
+        part, time = self.robot_part, trace.local_time
+        later = time > (stepped + time.max()) / 2.0
+        held = [one for one in range(part.axes) if self._ends.get(one, -math.inf) < stepped]
+        found = moved_farthest(time[later], trace.positions[later], joint, held) if later.any() else None
+        if found is None:
+            return ""
+        return f"it was disturbed: {part.names[found[0]]}, which was only held, moved by {part.shown(*found)}"
 
     def _judge_number_of_states(self, joint: int, came: FloatArray, late: str) -> None:
         """Check that there are enough states to judge a step; ``came`` are their times, relative to it."""
@@ -347,7 +364,7 @@ class StepTest(RobotTest):
         values = [value.scaled(*converted(metres, value.symbol)) for value in values]
         excuse = late[0] if late else self.explained(self.robot_part, joint)
         if not excuse and any(value.wrong for value in values):
-            excuse = self.disturbed(joint)
+            excuse = self.disturbed(joint) or next((one.shaken for one in cycles if one.shaken), "")
         judge_values(self, name, values, excuse)
         self._require_visible_step(name, cycles)
 

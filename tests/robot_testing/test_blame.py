@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from contextlib import ExitStack
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
@@ -308,21 +309,59 @@ def hard_to_move() -> SimpleNamespace:
 
 
 @pytest.mark.parametrize(
-    ("broken", "jerking", "doubt"),
-    [(None, None, False), (0, 0, False), (1, None, True), (2, None, False), (None, 1, True), (None, 2, True)],
+    ("broken", "jerking", "shaking", "doubt"),
+    [
+        (None, None, "", False),
+        (0, 0, "", False),
+        (1, None, "", True),
+        (2, None, "", False),
+        (None, 1, "", True),
+        (None, 2, "", True),
+        (None, None, "joint2 is shaken by its controller", True),
+    ],
 )
 def test_effort_is_not_judged_while_another_joint_is_broken(
-    bench: PartBench, said: list[Event], made: Callable[..., Any], broken: int | None, jerking: int | None, doubt: bool
+    bench: PartBench,
+    said: list[Event],
+    made: Callable[..., Any],
+    broken: int | None,
+    jerking: int | None,
+    shaking: str,
+    doubt: bool,
 ):
-    """What its sensors say disturbs those that share its motors, and no others; one that jerks disturbs all."""
+    """What its sensors say disturbs those that share its motors, and no others; one that jerks or shakes, all."""
     test = made("JointSweep")
     test.transmission = SimpleNamespace(sharing=lambda joint: {joint, 1})
     test._sweeps = {0: None, 1: None, 2: None}
     test._broken = {broken: "joint and motor encoder of a joint disagree"}.get
     test._interrupted = {jerking: "the motor of a joint has no current in 5 of 100 states"}.get
+    test._shaking = lambda joint: shaking
     with test.subresult("joint0"):
         test._judge_friction("joint0", 0, hard_to_move())
     assert verdicts(said) == {"joint0": Verdict.INCONCLUSIVE if doubt else Verdict.FAILED}
+
+
+@pytest.mark.parametrize(
+    ("jumps", "swept", "shaking"),
+    [
+        ([1.0, 0.3, 0.1], [0], ""),  # as healthy ones do
+        ([5.0, 60.0, 40.0], [0], "joint1 is shaken by its controller: its duty cycle jumps by "),
+        ([5.0, 60.0, 40.0], [0, 1], "joint2 is shaken by its controller: its duty cycle jumps by "),  # 1 moves, too
+        ([30.0, 60.0, 40.0], [0], ""),  # the one that moves shakes them
+        ([5.0, np.nan, 0.1], [0], ""),
+    ],
+)
+def test_a_joint_that_is_shaken_while_another_moves_disturbs_it(made: Callable[..., Any], jumps, swept, shaking):
+    """Its duty cycle jumps from state to state, although it is only held; joints are swept in turn."""
+    test, time = made("JointSweep"), np.arange(0.0, 4.0, 0.01)
+    noise = np.random.default_rng(1).standard_normal((len(time), 3)) * jumps
+    empty = np.zeros((len(time), 3))
+    test._states = sys.modules[type(test).__module__]._States(time, time, *[empty] * 3, noise, *[empty] * 2)
+    test._sweeps = {
+        one: SimpleNamespace(moves=((0.0, 2.0), (2.0, 4.0)) if one in swept else ((4.0, 5.0),)) for one in range(3)
+    }
+    assert test._shaking(0).startswith(shaking)
+    assert bool(test._shaking(0)) is bool(shaking)
 
 
 @pytest.mark.parametrize("limp", [None, 0, 1])
@@ -332,6 +371,7 @@ def test_effort_is_not_judged_while_another_joint_hangs_limp(
     """A limp joint changes the load of those that it carries, or that carry it; it is no excuse for itself."""
     test = made("JointSweep")
     test.transmission, test._sweeps = SimpleNamespace(sharing=lambda joint: {joint}), {}
+    test._shaking = lambda joint: ""
     if limp is not None:
         bench.guard.exclude(limp, "it does not obey its commands")
     with test.subresult("joint0"):

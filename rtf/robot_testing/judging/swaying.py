@@ -15,7 +15,7 @@ import numpy as np
 from rtf.robot_testing.judging.blame import Evidence, Strength
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from numpy.typing import NDArray
 
@@ -31,6 +31,8 @@ _STRONG, _FEWEST = 30.0, 4
 _LEAST, _FARTHER = 1.0, 1.5
 #: How much farther apart its encoders are than those of all others.
 _LOOSER = 4.0
+#: The least way from end to end of a joint that is only held, deg, that is not the work of one that has come to rest.
+_MOVED = 0.1
 
 
 def swaying_evidence(drive: Drive, names: Sequence[str]) -> list[Evidence]:
@@ -54,6 +56,20 @@ def swaying_evidence(drive: Drive, names: Sequence[str]) -> list[Evidence]:
         f"with {low:+.0f} to {high:+.0f} %"
     )
     return [Evidence(frozenset({first}), text, ("sways",), Strength.LIKELY)]
+
+
+def moved_farthest(
+    time: FloatArray, positions: FloatArray, joint: int, held: Collection[int]
+) -> tuple[int, float] | None:
+    """Return which joint that is only held moves to and fro farther than one that should rest, and how far (deg).
+
+    ``positions`` have the shape (states, joints); a straight motion does not count. None if there is no such joint.
+    """
+    known, ways = np.isfinite(positions).all(axis=0), np.zeros(positions.shape[1])
+    ways[known] = np.ptp(_without_trend(time, positions[:, known]), axis=0)
+    least = max(_MOVED, float(ways[joint]))
+    farther = [one for one in held if one != joint and ways[one] > least]
+    return max(((one, float(ways[one])) for one in farther), key=lambda found: found[1], default=None)
 
 
 def _loose(drive: Drive, recent: NDArray[np.bool_]) -> tuple[int, float] | None:

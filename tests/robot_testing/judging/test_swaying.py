@@ -5,7 +5,7 @@ import pytest
 
 from rtf.robot_testing.judging.blame import Strength
 from rtf.robot_testing.judging.drive_agreement import Drive
-from rtf.robot_testing.judging.swaying import swaying_evidence
+from rtf.robot_testing.judging.swaying import moved_farthest, swaying_evidence
 
 NAMES = ("shoulder", "elbow", "wrist")
 TIME = np.arange(0.0, 2.0, 0.01)
@@ -83,3 +83,32 @@ def test_a_motion_that_starts_and_brakes_is_no_swaying():
     duties[150:175, 0], duties[175:, 0] = 80.0, -80.0
     joints = np.cumsum(np.cumsum(duties, axis=0), axis=0) * 1e-4
     assert swaying_evidence(Drive(TIME, duties, joints, joints, np.eye(3)), NAMES) == []
+
+
+def farthest(ways, held=(0, 2), joint=1, **changed):
+    """Which joint that is only held moved farther than the elbow, after a step; all go to and fro by ``ways`` (deg)."""
+    positions = np.outer(np.sin(2 * np.pi * RATE * TIME), ways) / 2.0
+    for column, values in changed.items():
+        positions[:, int(column[1:])] += values
+    return moved_farthest(TIME, positions, joint, held)
+
+
+def test_a_joint_that_moves_while_it_is_held_disturbs_the_one_at_rest():
+    """Where several do, the one that moves farthest."""
+    assert farthest([0.4, 0.15, 0.2]) == (0, pytest.approx(0.4, rel=0.05))
+    assert farthest([0.2, 0.15, 0.4]) == (2, pytest.approx(0.4, rel=0.05))
+
+
+@pytest.mark.parametrize(
+    ("ways", "held", "changed"),
+    [
+        ([0.08, 0.02, 0.0], (0, 2), {}),  # as any joint gives way
+        ([0.4, 0.5, 0.3], (0, 2), {}),  # the one that should rest shakes them
+        ([0.4, 0.15, 0.0], (2,), {}),  # it is moved by the test
+        ([0.0, 0.15, 0.0], (0, 2), {"c0": TIME}),  # it sinks
+        ([0.4, 0.15, 0.0], (0, 2), {"c0": np.nan}),  # nothing is known of it
+    ],
+)
+def test_no_other_joint_disturbs(ways, held, changed):
+    """A joint that is not held, or moves less, explains nothing."""
+    assert farthest(ways, held, **changed) is None
