@@ -29,13 +29,19 @@ _REPEATS, _REPEATED = 4, 0.1
 _PACE = 0.02
 #: Tolerance of a move, deg.
 _ARRIVED = 2.0
+#: The time in which joints that have arrived come to rest, the duration of a move that is stopped in its middle, and
+#: the time in which a joint that goes on would arrive, s; and the least way of it, deg.
+_RESTS, _SLOWLY, _STANDS, _FAR = 0.5, 2.0, 1.5, 1.0
+#: Share of that way that is gone then, and its tolerance, %: a joint lags behind its setpoint until the controller
+#: overcomes its friction. The same tolerance holds for what it still goes after the stop.
+_MIDDLE, _MISSES = 50.0, 25.0
 
 
 class MovementReferencesTest(JointsTest):
     """Commands positions, duty cycles, direct positions and velocities, and reads them back from the board.
 
     A position move in PWM mode and a direct position must not change the target; a joint has to follow a commanded
-    velocity.
+    velocity. A slow move has the reference speed, and a command to stop ends it where it is.
     """
 
     aliases = ("movementReferencesTest", "MovementReferences", "movementReferences")
@@ -80,7 +86,7 @@ class MovementReferencesTest(JointsTest):
     def run(self) -> None:
         """One kind of reference after the other, all joints together."""
         duty = (self._duty,) if self.with_duty else ()
-        steps = (self._settings, self._position, *duty, self._direct, self._velocity)
+        steps = (self._settings, self._position, self._stop, *duty, self._direct, self._velocity)
         for number, step in enumerate(steps):
             self.progress(number / len(steps), step.__name__.strip("_"))
             with self.guarded():
@@ -105,6 +111,32 @@ class MovementReferencesTest(JointsTest):
         arrival = part.move(targets, joints, speed=self.speeds[joints], tolerance=_ARRIVED)
         self._same("target position", joints, part.board.target_positions(joints), targets, "deg")
         self._near("arrival", joints, arrival.positions, targets, _ARRIVED, "deg", "does not move", "weak")
+
+    def _stop(self) -> None:
+        """Move home slowly, and stop in the middle of the way."""
+        part, board = self.robot_part, self.robot_part.board
+        part.wait(_RESTS, pace=_PACE)
+        ways = part.home - board.encoders()
+        joints = [joint for joint in self.chosen if abs(ways[joint]) >= _FAR]
+        if not joints:
+            return
+        start, way = board.encoders(joints), ways[joints]
+        board.set_reference_speeds(np.abs(way) / _SLOWLY, joints)
+        began = self.now()
+        part.command_move(part.home[joints], joints)
+        part.wait(_SLOWLY / 2.0, pace=_PACE)
+        middle = board.encoders(joints)
+        board.stop(joints)
+        late = loop_delay([began, self.now()], _SLOWLY / 2.0)
+        part.wait(_STANDS, pace=_PACE)
+        stood = board.encoders(joints)
+        board.set_reference_speeds(self.speeds[joints], joints)
+        half, gone = 100.0 * (middle - start) / way, 100.0 * (stood - middle) / way
+        wanted = np.full(len(joints), _MIDDLE)
+        self._near(
+            "way at half the time of a slow move", joints, half, wanted, _MISSES, "%", "reference speed", late=late
+        )
+        self._near("way after a stop", joints, gone, 0.0 * wanted, _MISSES, "%", "stop", late=late)
 
     def _duty(self) -> None:
         part, board = self.robot_part, self.robot_part.board
@@ -219,12 +251,14 @@ class MovementReferencesTest(JointsTest):
                 if not abs(value - expected) <= tolerance:
                     if late:
                         self.inconclusive(f"{wrong}; but {late}")
-                    if "does not move" in findings:  # no other joint disturbs what a board reports
+                    if _MOVES.intersection(findings):  # no other joint disturbs what a board reports
                         self.end_if_disturbed(joint, wrong)
                 hint = f"{wrong}; {likely_causes(*findings)}"
                 self.measure(what, value, unit, low=expected - tolerance, high=expected + tolerance, hint=hint)
 
 
+#: The findings about motion.
+_MOVES = frozenset({"does not move", "reference speed", "stop"})
 #: Tolerance of a velocity, as a share: the ramp at its begin, stiction and coupled joints are within it, and a velocity
 #: that is halved, doubled or in another unit is not.
 _TAKEN = 0.4

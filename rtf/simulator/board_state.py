@@ -111,6 +111,7 @@ class BoardState(MotorBoard, BoardDriver):
         self.temperature = np.full(count, AMBIENT)
         self.heat = _HEATING / self.nominal_current**2
         self.limit_slack = np.zeros(count)  # how far a faulty board lets joints go beyond them
+        self.speed_factors = np.ones(count)  # of moves, as multiples of the reference speeds
         self.controllers = JointControllers(self.motors.wanted)
         self.counts = EncoderCounts(self._ticks_a_radian, self.plant.robot.sensors.encoders)
         self._ticks = np.rint(home * self.resolution)

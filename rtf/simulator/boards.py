@@ -275,6 +275,10 @@ class Boards(BoardState):
             and not any(lost(what, axis, now) for lost in self.command_faults)
         ]
 
+    def move_speeds(self) -> FloatArray:
+        speeds: FloatArray = self.speeds * self.speed_factors
+        return speeds
+
     def _obeys_all(self, axis: int) -> bool:
         """Return whether a fault makes an axis accept the commands of all modes while its position is controlled."""
         return int(self.mode[axis]) in HOLDING_MODES and any(obeys(axis) for obeys in self.obeying_faults)

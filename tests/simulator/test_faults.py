@@ -190,7 +190,7 @@ def health(bench: Bench) -> dict[str, object]:
     """Everything that a fault may change and has to put back."""
     boards = bench.boards
     names = [name for name in vars(boards) if name.startswith("configured_") or name.endswith("_faults")]
-    names += ["minimum", "maximum", "limit_slack", "pids", "max_current"]
+    names += ["minimum", "maximum", "limit_slack", "speed_factors", "pids", "max_current"]
     found = numbers_of(boards, names) | numbers_of(boards.controllers, _CONTROLLERS)
     engine = bench.simulation.plant.model
     found["friction"] = [engine.dof_frictionloss.tobytes(), engine.dof_damping.tobytes()]
@@ -646,6 +646,26 @@ def misses(bench: Bench) -> None:
     assert begun == [True, False, True, False]
 
 
+def goes_on(bench: Bench) -> None:
+    """It arrives, although it was told to stop on its way."""
+    bench.arm.set_reference_speeds(50.0, 3)
+    bench.arm.position_move(70.0, 3)
+    bench.run(0.2)
+    bench.arm.stop([3])
+    bench.run(1.0)
+    assert bench.shown == pytest.approx(70.0, abs=1.0)
+
+
+def is_twice_as_fast(bench: Bench) -> None:
+    """It is there after half of the time, by the speed that it reports."""
+    bench.arm.set_reference_speeds(20.0, 3)
+    assert bench.arm.reference_speeds(3).item() == 20.0
+    bench.arm.position_move(bench.shown + 20.0, 3)
+    begin = bench.shown
+    bench.run(0.6)
+    assert bench.shown == pytest.approx(begin + 20.0, abs=1.0)
+
+
 def leaves_its_fault(bench: Bench) -> None:
     """A joint in fault takes any mode."""
     bench.boards.fault(ELBOW, 1, "broken")
@@ -1058,12 +1078,14 @@ SHOWS: dict[str, Callable[[Bench], None]] = {
     "torque_bias": torque_is_biased,
     "torque_scale": torque_is_scaled,
     "missed_command": misses,
+    "stop_ignored": goes_on,
     "command_of_any_mode": obeys_in_any_mode,
     "fault_left": leaves_its_fault,
     "mode_ignored": ignores_modes,
     "wrong_mode": takes_another_mode,
     "mode_stale": shows_old_modes,
     "limits_ignored": goes_beyond,
+    "wrong_speed": is_twice_as_fast,
     "wrong_gear_ratio": tells_another_gearbox,
     "wrong_upper_limit": upper_limit_is_wrong,
     "wrong_lower_limit": lower_limit_is_wrong,

@@ -309,8 +309,12 @@ class MotorBoard(DrivenBoard):
         """Move along a trajectory; targets are clipped to the limits."""
         targets = self.trajectories.within_limits(axes, targets)
         self.targets[axes] = targets
-        self.trajectories.move(axes, targets, self.speeds[axes], self.tick)
+        self.trajectories.move(axes, targets, self.move_speeds()[axes], self.tick)
         self._deadline[axes] = np.inf
+
+    def move_speeds(self) -> FloatArray:
+        """Return the speeds of moves of all axes: the reference speeds."""
+        return self.speeds
 
     def run(self, axes: NDArray[np.intp], velocities: FloatArray, accelerations: FloatArray) -> None:
         """Move at velocities, until the limits or the expiry."""

@@ -239,6 +239,8 @@ _CAUSES: dict[str, tuple[str, ...]] = {
         "a controller that ends its motions too early",
         "a target out of reach",
     ),
+    "reference speed": ("a board that keeps a speed of its own", "a joint that lags: friction, or a weak motor"),
+    "stop": ("a board that does not take the command to stop", "a lost command"),
     "references": ("a lost command", "a board that does not report the command it was given"),
 }
 

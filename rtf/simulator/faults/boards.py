@@ -41,6 +41,25 @@ class MissedCommand(AxisFault):
         return self._count % max(1, round(self.every)) == 0
 
 
+class StopIgnored(AxisFault):
+    """Commands to stop that do nothing."""
+
+    kind = "stop_ignored"
+    layer = Layer.BOARD
+    description = "The board does not take commands to stop."
+    symptom = "A move goes on to its target, whoever wants it to end: a client, a guard, an operator."
+
+    def begin(self) -> None:
+        self.boards.command_faults.append(self._lost)
+
+    def end(self) -> None:
+        self.boards.command_faults.remove(self._lost)
+
+    def _lost(self, what: str, axis: int, now: float) -> bool:
+        del now
+        return what == "stop" and axis == self.axis
+
+
 class CommandOfAnyMode(AxisFault):
     """Acceptance of commands that the mode of the joint does not take."""
 
@@ -230,6 +249,24 @@ class LimitsIgnored(_WrongNumber):
         return healthy + self.by
 
 
+class WrongSpeed(_WrongNumber):
+    """Moves at another speed than the reference speed."""
+
+    kind = "wrong_speed"
+    layer = Layer.BOARD
+    description = "The board moves its joint at another speed than the reference speed that it reports."
+    symptom = "Moves end too early, and joints are faster than they were told to be, or too late."
+    parameters = (Parameter("factor", 2.0, "", "of the reference speed", 0.01, 100.0, healthy=1.0),)
+    factor: float
+
+    @property
+    def numbers(self) -> FloatArray:
+        return self.boards.speed_factors
+
+    def wrong(self, healthy: float) -> float:
+        return healthy * self.factor
+
+
 class WrongCoupling(AxisFault):
     """Wrong coupling matrix in the configuration."""
 
@@ -272,12 +309,14 @@ class WrongGains(AxisFault):
 
 KINDS = (
     MissedCommand,
+    StopIgnored,
     CommandOfAnyMode,
     FaultLeft,
     ModeIgnored,
     WrongMode,
     ModeStale,
     LimitsIgnored,
+    WrongSpeed,
     WrongGearRatio,
     WrongUpperLimit,
     WrongLowerLimit,
