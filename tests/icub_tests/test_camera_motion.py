@@ -11,6 +11,7 @@ CASES = {
     "swapped": ("cameras_swapped left", "/icubSim/cam/left shows what /icubSim/cam/right should"),
     "zoom": ("camera_zoom right factor=1.3", "/icubSim/cam/right: its pictures move by 1"),
     "colours": ("camera_colours left", "see the same scene and show other colours: red, green and blue are"),
+    "blur": ("camera_blur right", "% of the sharpness of /icubSim/cam/left, which sees the same scene"),
     "jam": ("jam eyes_version", "eyes_version does not move"),
     "frozen": ("camera_frozen left", "pictures of /icubSim/cam/left do not move"),
 }
@@ -37,6 +38,7 @@ def test_healthy_pictures_move_as_the_field_of_view_says(outcome, measured):
     assert [one.subject for one in ways] == ["/icubSim/cam/left", "/icubSim/cam/right"]
     (apart,) = measured(outcome, "healthy", "difference of the colours")
     assert (apart.subject, apart.value < 3.0) == ("/icubSim/cam/left and /icubSim/cam/right", True)
+    assert measured(outcome, "healthy", "sharpness")[0].value > 85.0
     assert all(one.value == pytest.approx(100.0, abs=12.0) for one in ways)
     for joint in ("eyes_tilt", "eyes_version", "eyes_vergence"):
         assert measured(outcome, "healthy", f"expected with {joint}")[0].value > 8.0

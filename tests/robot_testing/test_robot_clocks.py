@@ -32,7 +32,7 @@ def bench(request: pytest.FixtureRequest) -> Iterator[PartBench]:
 def test_the_delay_of_a_step_is_without_the_offset(bench: PartBench):
     """The joint follows at once, in the next state."""
     test = kept_test("PositionControlAccuracy", robot_part=bench.part, clock=bench.time, chosen=[0])
-    test.robot_name, test.starts, test.step = "bot", {0: (0.0, 1.0)}, 1.0
+    test.robot_name, test.starts, test.step, test._ends = "bot", {0: (0.0, 1.0)}, 1.0, {}
     cycle = run_to_end(bench.part, test._cycle(0), pace=test.sample_time)
     answer = step_response(cycle.time, cycle.measured, cycle.start, cycle.target, test.band)
     assert 0.0 <= answer.delay <= 0.03

@@ -929,6 +929,17 @@ def camera_has_exchanged_colours(bench: Bench) -> None:
     assert show(np.array([[[1, 2, 3]]], np.uint8), 0.0).tolist() == [[[3, 2, 1]]]
 
 
+def camera_is_blurred(bench: Bench) -> None:
+    """A white line is as wide as the blur, and as bright in all; a picture of one colour stays as it is."""
+    show = shown_by_the_left_camera(bench)
+    pixels = np.zeros((40, 60, 3), np.uint8)
+    pixels[:, 30] = 255
+    row = show(pixels, 0.0)[20, :, 0].astype(float)
+    assert row.sum() == pytest.approx(255, abs=5)
+    assert np.sqrt(row @ (np.arange(60) - 30.0) ** 2 / row.sum()) == pytest.approx(3.0, abs=0.2)
+    assert (show(np.full((40, 60, 3), 77, np.uint8), 0.0) == 77).all()
+
+
 def camera_is_zoomed(bench: Bench) -> None:
     """A picture as large as before, in which things are 1.3 times as far from the middle."""
     show = shown_by_the_left_camera(bench)
@@ -1112,6 +1123,7 @@ SHOWS: dict[str, Callable[[Bench], None]] = {
     "camera_noise": camera_is_noisy,
     "camera_exposure": camera_is_dark,
     "camera_colours": camera_has_exchanged_colours,
+    "camera_blur": camera_is_blurred,
     "battery_weak": battery_is_weak,
     "battery_frozen": battery_freezes,
     "taxel_dead": taxel_dies,

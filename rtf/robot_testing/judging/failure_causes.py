@@ -106,6 +106,7 @@ _CAUSES: dict[str, tuple[str, ...]] = {
         "a board that was reset",
     ),
     "camera noise": ("a gain that is too high", "too little light", "a disturbed cable"),
+    "camera blurred": ("a lens that is out of focus, or dirty", "a damaged lens"),
     "camera colours": (
         "exchanged red and blue in a driver",
         "another exposure or white balance of one of them",

@@ -1,7 +1,8 @@
-"""Faults of cameras that change their pictures: noise, exposure, and the order of the colours."""
+"""Faults of cameras that change their pictures: noise, exposure, the order of the colours, and blur."""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +14,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _WHITE = 255.0
+#: A blur of so little is none, px.
+_SHARP = 1e-3
 
 
 class CameraNoise(CameraFault):
@@ -61,4 +64,27 @@ class CameraColours(CameraFault):
         return np.ascontiguousarray(pixels[:, :, ::-1])
 
 
-KINDS = (CameraNoise, CameraExposure, CameraColours)
+class CameraBlur(CameraFault):
+    """Lens of a camera out of focus."""
+
+    kind = "camera_blur"
+    description = "The lens of the camera is out of focus, or dirty."
+    symptom = "Edges are wide; another camera that sees the same scene shows them sharply."
+    parameters = (Parameter("deviation", 3.0, "px", "standard deviation of the blur", 0.0, 100.0),)
+    deviation: float
+
+    def show(self, pixels: NDArray[np.uint8], now: float) -> NDArray[np.uint8]:
+        del now
+        reach = math.ceil(3.0 * self.deviation)
+        weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(self.deviation, _SHARP)) ** 2)
+        weights /= weights.sum()
+        blurred = pixels.astype(np.float64)
+        for axis in (0, 1):
+            edges = [(reach, reach) if each == axis else (0, 0) for each in range(3)]
+            padded, size = np.pad(blurred, edges, mode="edge"), pixels.shape[axis]
+            rows = [np.take(padded, range(place, place + size), axis) for place in range(len(weights))]
+            blurred = np.tensordot(weights, rows, 1)
+        return np.rint(blurred).astype(np.uint8)
+
+
+KINDS = (CameraNoise, CameraExposure, CameraColours, CameraBlur)
