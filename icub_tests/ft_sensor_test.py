@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +11,10 @@ from rtf.robot.errors import RefusedError
 from rtf.robot.interfaces import SensorCategory
 from rtf.robot.model.errors import MissingPackageError
 from rtf.robot_testing import likely_causes
+from rtf.robot_testing.judging.blame import accused
 from rtf.robot_testing.judging.ft_sensor_loads import WeightModel, parts_above, place_of
+from rtf.robot_testing.judging.statistics import jitter
+from rtf.robot_testing.motion.stop_evidence import stop_evidence
 from rtf.robot_testing.robot_name import robot_model
 from rtf.robot_testing.stream_test import RateTest
 from rtf.robot_testing.streams.sensor_streams import MEASURES, names_of, readings_of, sensors_in
@@ -27,6 +31,8 @@ _ENDING = "/analog:o"
 #: Pieces of the measurement; the noise is that without the one that deviates most. Friction that has held a joint lets
 #: it go now and then: it slips by a count of its encoder, and jerks its links for some hundredths of a second.
 _PIECES = 10
+#: A joint at rest moves by less: from end to end, deg, as it may slip by some counts, and from state to state.
+_MOVES, _JUMPS = 0.2, 0.01
 
 
 class FtSensorTest(RateTest):
@@ -134,10 +140,10 @@ class FtSensorTest(RateTest):
             time=(times, "s"),
             **{axis.replace(" ", "_"): (values[:, k], _UNITS[k]) for k, axis in enumerate(_NAMES)},
         )
-        self._judge_noise(name, values)
+        self._judge_noise(name, place, values)
         self._judge_load(name, place, values.mean(axis=0))
 
-    def _judge_noise(self, name: str, values: FloatArray) -> None:
+    def _judge_noise(self, name: str, place: str, values: FloatArray) -> None:
         greatest = float(np.abs(values[:, :3]).max())
         hint = f"{name} is saturated, at the end of its range; {likely_causes('offset', 'noise')}"
         self.measure("greatest force", greatest, "N", high=self.saturation, hint=hint)
@@ -146,10 +152,31 @@ class FtSensorTest(RateTest):
                 (self.least_noise, self.force_noise) if symbol == "N" else (self.least_torque_noise, self.torque_noise)
             )
             deviation = _noise(values[:, axis])
+            if deviation > high and (moving := self._moving(place)):
+                self.inconclusive(f"{name}: {what} has a noise of {deviation:.2g} {symbol}; but {moving}")
             dead = f"does not change at all; {likely_causes('sensor frozen')}"
             loud = f"is noisy; {likely_causes('noise')}"
             hint = f"{name}: {what} {dead if deviation < low else loud}"
             self.measure(f"noise of {what}", deviation, symbol, low=low, high=high, hint=hint)
+
+    def _moving(self, place: str) -> str:
+        """Return which joint shakes the parts of a sensor, else which moves farthest without a command; "" if none."""
+        parts = [self.open_part(part_name) for part_name in parts_above(robot_model(self), place)]
+        if not parts:
+            return ""
+        with ExitStack() as recording:
+            traces = [recording.enter_context(part.recorded()) for part in parts]
+            parts[0].wait(self.time)
+        found = []
+        for part, trace in zip(parts, traces, strict=True):
+            for joint, positions in enumerate(trace.positions.T):
+                way = float(np.ptp(positions))
+                if way > _MOVES or jitter(positions) > _JUMPS:
+                    found.append((way, f"{part.names[joint]} moves to and fro by {part.shown(joint, way)}"))
+        if not found:
+            return ""
+        cause = next((one.text for part in parts for one in accused(stop_evidence(part)).values()), max(found)[1])
+        return f"it was disturbed: {cause}"
 
     def _judge_load(self, name: str, place: str, mean: FloatArray) -> None:
         if not self.expected and not self.use_model:

@@ -42,6 +42,8 @@ _REST = 0.6  # s at rest at each turning point
 _HOMING_SPEED = 20.0
 #: Rotations are compared over windows of this number of messages; below this rate (deg/s) a unit is at rest.
 _WINDOW, _AT_REST = 10, 0.5
+#: The jumps of the angular velocity by the joints, deg/s, beyond which a unit is shaken; a robot at rest has none.
+_SHAKEN = 0.3
 _FEWEST_AT_REST = 20
 #: Errors of a window's mean that are no finding: twice the jitter of stamps, 5 ms at an acceleration of 100 deg/s², and
 #: the offsets of accelerometers; and how many of them a quantity has to vary by for its gain to be known.
@@ -284,8 +286,8 @@ class Imu(StreamTest):
         turning = turns_of(felt.expected, felt.times, _WINDOW)
         fast = np.linalg.norm(turning, axis=1)
         self._judge_orientation(felt)
-        self._judge_noise(unit, "angular velocity", felt.speeds, "deg/s", self.max_rate_noise)
-        self._judge_noise(unit, "acceleration", felt.accelerations, "m/s^2", self.max_acceleration_noise)
+        self._judge_noise(unit, "angular velocity", felt.speeds, "deg/s", self.max_rate_noise, felt)
+        self._judge_noise(unit, "acceleration", felt.accelerations, "m/s^2", self.max_acceleration_noise, felt)
         expected, found = [], []
         if felt.speeds is not None:
             rates = self._judge_rates(felt.times, felt.speeds, turning)
@@ -321,10 +323,17 @@ class Imu(StreamTest):
         still = int((np.ptp(felt.orientations, axis=0) == 0.0).all())
         self.check_fail_if_true(still, f"the orientation never changed; {likely_causes('sensor frozen')}")
 
-    def _judge_noise(self, unit: _Unit, what: str, values: FloatArray | None, symbol: str, most: float) -> None:
+    def _judge_noise(
+        self, unit: _Unit, what: str, values: FloatArray | None, symbol: str, most: float, felt: _Felt
+    ) -> None:
         """Judge the noise of the noisiest axis, from measurement to measurement."""
         if values is not None:
             noise = max(map(jitter, values.T))
+            if noise > most and (shaken := max(map(jitter, turns_of(felt.expected, felt.times, 1).T))) > _SHAKEN:
+                self.inconclusive(
+                    f"{unit.name}: its {what} jumps by {noise:.2g} {symbol}; but it is shaken: by the joints that "
+                    f"carry it, its angular velocity jumps by {shaken:.2g} deg/s"
+                )
             hint = f"{unit.name}: its {what} jumps by {noise:.2g} {symbol}; {likely_causes('noise')}"
             self.measure(f"noise of the {what}", noise, symbol, high=most, hint=hint)
 

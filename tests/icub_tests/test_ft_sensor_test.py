@@ -17,6 +17,7 @@ CASES = {
     "frozen": "ft_frozen left_leg",
     "noisy": "ft_noise right_foot",
     "elsewhere": "imu_rotated imu",
+    "shaken": "backlash l_elbow",
 }
 EXPECTED = f"""
 <test name="expected"> <parameter name="portname">{PORT}</parameter>
@@ -70,6 +71,13 @@ def test_each_fault_is_found_at_its_sensor_only(outcome, measured, name, port, w
 def test_other_faults_are_not_its_business(outcome):
     """A rotated inertial unit fails none of these sensors."""
     assert outcome.verdict("elsewhere") is Verdict.PASSED
+
+
+def test_a_sensor_is_not_failed_for_a_limb_that_shakes(outcome):
+    """Who shakes it is named."""
+    assert outcome.verdict("shaken") is Verdict.INCONCLUSIVE
+    assert "/icubSim/left_arm/analog:o: force" in outcome.detail("shaken")
+    assert "but it was disturbed: l_elbow: joint and motor encoder disagree" in outcome.detail("shaken")
 
 
 def test_each_sensor_of_a_message_of_many_has_its_own_load(outcome, measured):

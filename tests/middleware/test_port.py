@@ -12,6 +12,7 @@ import pytest
 from rtf.bottle import Bottle
 from rtf.middleware.errors import ConnectError, MiddlewareError, PortClosedError, WaitTimeoutError
 from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports.inputs import Input
 from rtf.middleware.ports.port import Port
 from rtf.middleware.ports.rpc import RpcClient, RpcServer
 from rtf.middleware.wire import framing
@@ -19,7 +20,6 @@ from rtf.middleware.wire.contact import Contact
 from waiting import eventually, open_descriptors
 
 if TYPE_CHECKING:
-    from rtf.middleware.ports.inputs import Input
     from rtf.middleware.ports.network import Network
     from rtf.middleware.wire.incoming_message import IncomingMessage
 
@@ -378,6 +378,21 @@ class TestEnd:
             writer.add_output("/server")
             writer.write(Bottle([1]))
             assert closed.wait(5)
+
+    def test_the_request_that_ends_a_server_is_answered(self, network: Network, monkeypatch: pytest.MonkeyPatch):
+        """The reply is sent, although the port closes while its handler runs."""
+        closing, join = threading.Event(), Input.join
+        monkeypatch.setattr(Input, "join", lambda self, timeout: (closing.set(), join(self, timeout)))
+
+        def end(request: Bottle) -> str:
+            in_thread(server.close)
+            assert closing.wait(10)
+            return f"{request} ends it"
+
+        server = RpcServer("/server", end, network=network)
+        with RpcClient("/client", "/server", network=network) as client:
+            assert client.call(Bottle(["quit"]), timeout=10) == Bottle(["quit ends it"])
+            eventually(lambda: network.names.query("/server") is None, "the server is not closed")
 
     def test_close_ends_a_write_that_hangs(self, network: Network):
         """Closing a writer ends its write to a reader that does not read."""

@@ -47,9 +47,11 @@ def _can_be_asked(caller: Input, whose: str) -> bool:
     """Return whether a source can be asked.
 
     Excluded are callers without a port, the port itself, ``local`` sources, and a source that waits for the current
-    thread and so could not answer.
+    thread and so could not answer; and one that waits for a reply, which it would lose: its connection ends after it.
     """
-    return caller.sender.startswith("/") and caller.sender != whose and caller.carrier != "local" and not caller.is_here
+    if caller.is_here or (caller.answering and not caller.connectionless):
+        return False
+    return caller.sender.startswith("/") and caller.sender != whose and caller.carrier != "local"
 
 
 def _ask(network: Network, whose: str, sources: deque[str], deadline: clock.Deadline) -> None:

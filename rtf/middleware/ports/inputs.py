@@ -90,6 +90,7 @@ class Input(Connection):
         self.link = link
         self.announced = False  # the port has reported it as an input
         self._closing = False
+        self._answering = False  # its own thread handles a message, or sends the reply
         #: The dialect that the caller is assumed to speak; corrected when it sends something that only the other one
         #: allows.
         self.dialect = port.network.dialect
@@ -128,6 +129,11 @@ class Input(Connection):
         return _SHARED_READER.is_here if self._shared else self._thread is threading.current_thread()
 
     @property
+    def answering(self) -> bool:
+        """Whether its thread handles a message, or sends the reply; the caller may wait for that."""
+        return self._answering
+
+    @property
     def idle(self) -> bool:
         """Whether all that has arrived, the end of the connection included, is being handled or has been."""
         arriving = select.poll()
@@ -142,16 +148,31 @@ class Input(Connection):
         self._thread.start()
 
     def close(self) -> None:
-        """Close the connection. Its thread ends at once, or when the callback that is running returns."""
+        """Close the connection. Its thread ends at once; one that handles a message answers it before.
+
+        Called in that thread, by the callback, it is at once, too.
+        """
+        self._closing = True
+        if not self._answering or self.is_here:  # read after the line above, as its thread does the reverse
+            self._break_off()
+
+    def _closed(self) -> bool:
+        """Whether ``close`` was called."""
+        return self._closing
+
+    def _break_off(self) -> None:
         with self._changing:
-            self._closing = True
             if not self._shared and self.link is not None:
                 self.link.close()
         self._stream.wake()
 
     def join(self, timeout: float) -> None:
-        """Wait until the connection has ended. Returns at once in the thread that serves it."""
-        if not self.is_here and self._ended.wait(timeout) and self._thread is not threading.current_thread():
+        """Wait until the connection has ended; break it off then. Returns at once in the thread that serves it."""
+        if self.is_here:
+            return
+        if not self._ended.wait(timeout):
+            self._break_off()
+        elif self._thread is not threading.current_thread():
             self._thread.join(timeout)
 
     # In a thread of its own ------------------------------------------------------------------------------------------
@@ -220,14 +241,18 @@ class Input(Connection):
         receive, answer, dispatch = link.receive, link.answer, self.port.dispatch
         pollable = link if self.port.nonblocking and isinstance(link, StreamInput) and link.pollable else None
         # A closed connection stops here: its unread messages are older than those of the one that replaced it.
-        while not self._closing:
+        while not self._closed():
             key, text, data = message
             if key in _LAST and (key == "q" or text in ("", "r")):  # not a longer word with the same first letter
                 answer()
                 if key == "r":
                     self._turn_round(link)
                 return False
+            self._answering = True
             answer(*dispatch(self, key, text, data))
+            self._answering = False
+            if self._closed():
+                return False
             del message, data  # a callback that stored the data now owns them
             if pollable is None or key != "D":
                 message = receive()

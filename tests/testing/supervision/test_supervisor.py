@@ -117,6 +117,7 @@ class T(TestCase):
     wait_for = Parameter(str, "", default="")
     hang = Parameter(bool, "", default=False)
     quiet = Parameter(bool, "whether it keeps its beginning to itself", default=False)
+    began = Parameter(str, "the file that it makes at its beginning", default="test-began")
     undo = Parameter(str, "which part of its undoing goes wrong", default="")
     def setup(self): self.add_cleanup(self.go_wrong, "clean-up")
     def teardown(self): self.go_wrong("teardown")
@@ -124,7 +125,7 @@ class T(TestCase):
         self.check(self.undo != f"{where} fails", "left")
         if self.undo == f"{where} raises": raise RuntimeError("left")
     def run(self):
-        if not self.quiet: open(FOLDER + "/test-began", "w").close()
+        if not self.quiet: open(FOLDER + "/" + self.began, "w").close()
         if self.hang: clock.sleep(1000)
         while self.wait_for and self.wait_for not in open(FOLDER + "/calls").read(): clock.sleep(0.005)
 '''
@@ -813,8 +814,8 @@ class TestCommandLine:
         """With two jobs each suite worker restarts its own fixture, and repeats its test."""
         self.write(
             lab,
-            one=fixture("a", on_check="false", after="test-began") + case(wait_for="a setup #2"),
-            two=fixture("b", on_check="kill", after="test-began") + case(wait_for="b setup #2"),
+            one=fixture("a", on_check="false", after="one-began") + case(wait_for="a setup #2", began="one-began"),
+            two=fixture("b", on_check="kill", after="two-began") + case(wait_for="b setup #2", began="two-began"),
         )
         outcome = run_command(lab.folder, "-j", "2", "-s", "one.xml", "-s", "two.xml")
         for suite in ("one", "two"):
