@@ -153,7 +153,7 @@ class FtSensorTest(RateTest):
             )
             deviation = _noise(values[:, axis])
             if deviation > high and (moving := self._moving(place)):
-                self.inconclusive(f"{name}: {what} has a noise of {deviation:.2g} {symbol}; but {moving}")
+                self.inconclusive(f"{what} has a noise of {deviation:.2g} {symbol}; but {moving}")
             dead = f"does not change at all; {likely_causes('sensor frozen')}"
             loud = f"is noisy; {likely_causes('noise')}"
             hint = f"{name}: {what} {dead if deviation < low else loud}"

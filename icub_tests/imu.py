@@ -331,8 +331,8 @@ class Imu(StreamTest):
             noise = max(map(jitter, values.T))
             if noise > most and (shaken := max(map(jitter, turns_of(felt.expected, felt.times, 1).T))) > _SHAKEN:
                 self.inconclusive(
-                    f"{unit.name}: its {what} jumps by {noise:.2g} {symbol}; but it is shaken: by the joints that "
-                    f"carry it, its angular velocity jumps by {shaken:.2g} deg/s"
+                    f"its {what} jumps by {noise:.2g} {symbol}; but it is shaken: by the joints that carry it, its "
+                    f"angular velocity jumps by {shaken:.2g} deg/s"
                 )
             hint = f"{unit.name}: its {what} jumps by {noise:.2g} {symbol}; {likely_causes('noise')}"
             self.measure(f"noise of the {what}", noise, symbol, high=most, hint=hint)

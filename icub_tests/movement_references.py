@@ -123,14 +123,18 @@ class MovementReferencesTest(JointsTest):
         start, way = board.encoders(joints), ways[joints]
         board.set_reference_speeds(np.abs(way) / _SLOWLY, joints)
         began = self.now()
-        part.command_move(part.home[joints], joints)
-        part.wait(_SLOWLY / 2.0, pace=_PACE)
-        middle = board.encoders(joints)
-        board.stop(joints)
-        late = loop_delay([began, self.now()], _SLOWLY / 2.0)
-        part.wait(_STANDS, pace=_PACE)
+        with part.recorded() as trace:
+            part.command_move(part.home[joints], joints)
+            part.wait(_SLOWLY / 2.0, pace=_PACE)
+            middle = board.encoders(joints)
+            board.stop(joints)
+            late = loop_delay([began, self.now()], _SLOWLY / 2.0)
+            part.wait(_STANDS, pace=_PACE)
         stood = board.encoders(joints)
         board.set_reference_speeds(self.speeds[joints], joints)
+        for joint in joints:
+            course = part.column(joint, trace.positions[:, joint])
+            self.record(f"stopped move of {part.names[joint]}", time=(trace.time - trace.time[0], "s"), position=course)
         half, gone = 100.0 * (middle - start) / way, 100.0 * (stood - middle) / way
         wanted = np.full(len(joints), _MIDDLE)
         self._near(

@@ -287,7 +287,8 @@ def _preload(control: socket.socket, names: tuple[str, ...]) -> None:
             except Exception as error:  # noqa: BLE001 - whatever an import does, the run says so and goes on without it
                 problems.append(f"preload {name}: {type(error).__name__}: {error}")
     gc.enable()
-    control.sendall(messages.pack(Loaded(tuple(problems))))
+    with suppress(BrokenPipeError):  # the runner is gone, as it had nothing to run; ``serve`` sees that next
+        control.sendall(messages.pack(Loaded(tuple(problems))))
 
 
 @contextmanager

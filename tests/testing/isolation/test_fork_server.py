@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 from typing import TYPE_CHECKING
 
 import pytest
@@ -15,7 +16,7 @@ from rtf.testing.events import Diagnosed, OutputCaptured, TestEnded, TestStarted
 from rtf.testing.isolation import child as child_module
 from rtf.testing.isolation import messages
 from rtf.testing.isolation.child import Child
-from rtf.testing.isolation.fork_server import unfit_because
+from rtf.testing.isolation.fork_server import _preload, unfit_because
 from rtf.testing.isolation.messages import Frames, Job, Use
 from rtf.testing.isolation.worker_pool import ForkServerClient, LoadTimeoutError
 from rtf.testing.suite.model import Timeouts
@@ -286,6 +287,14 @@ def test_loading_that_does_not_end_is_given_up_once(fork_server: ForkServerClien
     assert "a.py" in caught.value.stacks
     child = fork_server.take(found(tmp_path, "a"))
     assert parent_of(child) == parent_of(fork_server.take())
+
+
+def test_modules_may_be_loaded_for_a_runner_that_is_gone():
+    """One that had nothing to run, as when a run is resumed, does not wait for them."""
+    ours, theirs = socket.socketpair()
+    theirs.close()
+    with ours:
+        _preload(ours, ("string",))
 
 
 def test_a_job_arrives_as_it_was_sent():
