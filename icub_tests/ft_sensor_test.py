@@ -147,12 +147,15 @@ class FtSensorTest(RateTest):
         greatest = float(np.abs(values[:, :3]).max())
         hint = f"{name} is saturated, at the end of its range; {likely_causes('offset', 'noise')}"
         self.measure("greatest force", greatest, "N", high=self.saturation, hint=hint)
+        moving: str | None = None  # not asked yet
         for axis, (what, symbol) in enumerate(zip(_NAMES, _UNITS, strict=True)):
             low, high = (
                 (self.least_noise, self.force_noise) if symbol == "N" else (self.least_torque_noise, self.torque_noise)
             )
             deviation = _noise(values[:, axis])
-            if deviation > high and (moving := self._moving(place)):
+            if deviation > high and moving is None:
+                moving = self._moving(place)
+            if deviation > high and moving:
                 self.inconclusive(f"{what} has a noise of {deviation:.2g} {symbol}; but {moving}")
             dead = f"does not change at all; {likely_causes('sensor frozen')}"
             loud = f"is noisy; {likely_causes('noise')}"

@@ -116,11 +116,12 @@ class MovementReferencesTest(JointsTest):
         """Move home slowly, and stop in the middle of the way."""
         part, board = self.robot_part, self.robot_part.board
         part.wait(_RESTS, pace=_PACE)
-        ways = part.home - board.encoders()
+        here = board.encoders()
+        ways = part.home - here
         joints = [joint for joint in self.chosen if abs(ways[joint]) >= _FAR]
         if not joints:
             return
-        start, way = board.encoders(joints), ways[joints]
+        start, way = here[joints], ways[joints]
         board.set_reference_speeds(np.abs(way) / _SLOWLY, joints)
         began = self.now()
         with part.recorded() as trace:

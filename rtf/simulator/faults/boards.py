@@ -16,11 +16,30 @@ if TYPE_CHECKING:
     from rtf.robot.interfaces import FloatArray, Pid
 
 
-class MissedCommand(AxisFault):
+class _LostCommands(AxisFault):
+    """A fault in which a board does not take commands of a joint."""
+
+    layer = Layer.BOARD
+
+    def begin(self) -> None:
+        self.boards.command_faults.append(self._of_axis)
+
+    def end(self) -> None:
+        self.boards.command_faults.remove(self._of_axis)
+
+    def _of_axis(self, what: str, axis: int, now: float) -> bool:
+        del now
+        return axis == self.axis and self.loses(what)
+
+    def loses(self, what: str) -> bool:
+        """Return whether a command is lost."""
+        raise NotImplementedError
+
+
+class MissedCommand(_LostCommands):
     """Loss of some commands of a joint."""
 
     kind = "missed_command"
-    layer = Layer.BOARD
     description = "The board loses every n-th command."
     symptom = "Some moves do not begin."
     parameters = (Parameter("every", 2.0, "", "n; 1: all commands are lost", 1.0, 1e6, healthy=None),)
@@ -28,36 +47,23 @@ class MissedCommand(AxisFault):
 
     def begin(self) -> None:
         self._count = 0
-        self.boards.command_faults.append(self._lost)
+        super().begin()
 
-    def end(self) -> None:
-        self.boards.command_faults.remove(self._lost)
-
-    def _lost(self, what: str, axis: int, now: float) -> bool:
-        del what, now
-        if axis != self.axis:
-            return False
+    def loses(self, what: str) -> bool:
+        del what
         self._count += 1
         return self._count % max(1, round(self.every)) == 0
 
 
-class StopIgnored(AxisFault):
+class StopIgnored(_LostCommands):
     """Commands to stop that do nothing."""
 
     kind = "stop_ignored"
-    layer = Layer.BOARD
     description = "The board does not take commands to stop."
     symptom = "A move goes on to its target, whoever wants it to end: a client, a guard, an operator."
 
-    def begin(self) -> None:
-        self.boards.command_faults.append(self._lost)
-
-    def end(self) -> None:
-        self.boards.command_faults.remove(self._lost)
-
-    def _lost(self, what: str, axis: int, now: float) -> bool:
-        del now
-        return what == "stop" and axis == self.axis
+    def loses(self, what: str) -> bool:
+        return what == "stop"
 
 
 class CommandOfAnyMode(AxisFault):

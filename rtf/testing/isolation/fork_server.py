@@ -103,7 +103,7 @@ class ForkServer:
         if isinstance(message, Fork):
             self._fork()
         elif isinstance(message, Preload):
-            _preload(self._control, message.modules)
+            self._send(_preload(message.modules))
         elif message.pid not in self._pidfds:
             return  # it ended meanwhile, and its end is on its way
         elif isinstance(message, MarkHost):
@@ -276,8 +276,8 @@ def main(keeper: int) -> NoReturn:
     os._exit(0)
 
 
-def _preload(control: socket.socket, names: tuple[str, ...]) -> None:
-    """Import the modules of the suites here, once instead of in each test, and report those that cannot be."""
+def _preload(names: tuple[str, ...]) -> Loaded:
+    """Import the modules of the suites here, once instead of in each test; return which of them cannot be."""
     problems = []
     gc.disable()  # imports make many objects and no garbage
     with _one_thread():
@@ -287,8 +287,7 @@ def _preload(control: socket.socket, names: tuple[str, ...]) -> None:
             except Exception as error:  # noqa: BLE001 - whatever an import does, the run says so and goes on without it
                 problems.append(f"preload {name}: {type(error).__name__}: {error}")
     gc.enable()
-    with suppress(BrokenPipeError):  # the runner is gone, as it had nothing to run; ``serve`` sees that next
-        control.sendall(messages.pack(Loaded(tuple(problems))))
+    return Loaded(tuple(problems))
 
 
 @contextmanager

@@ -16,8 +16,8 @@ from rtf.testing.events import Diagnosed, OutputCaptured, TestEnded, TestStarted
 from rtf.testing.isolation import child as child_module
 from rtf.testing.isolation import messages
 from rtf.testing.isolation.child import Child
-from rtf.testing.isolation.fork_server import _preload, unfit_because
-from rtf.testing.isolation.messages import Frames, Job, Use
+from rtf.testing.isolation.fork_server import ForkServer, unfit_because
+from rtf.testing.isolation.messages import Frames, Job, Preload, Use
 from rtf.testing.isolation.worker_pool import ForkServerClient, LoadTimeoutError
 from rtf.testing.suite.model import Timeouts
 from rtf.testing.verdict import Verdict
@@ -292,9 +292,11 @@ def test_loading_that_does_not_end_is_given_up_once(fork_server: ForkServerClien
 def test_modules_may_be_loaded_for_a_runner_that_is_gone():
     """One that had nothing to run, as when a run is resumed, does not wait for them."""
     ours, theirs = socket.socketpair()
-    theirs.close()
     with ours:
-        _preload(ours, ("string",))
+        server = ForkServer(ours)
+        theirs.close()
+        server._carry_out(Preload(("string",)))
+        os.close(server._children)
 
 
 def test_a_job_arrives_as_it_was_sent():
