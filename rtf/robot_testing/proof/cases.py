@@ -31,7 +31,7 @@ class Expectation(Enum):
     EXPECTED = "expected"  # the test does not pass, for a documented reason
     HEALTHY = "healthy"  # the test passes on a robot without a fault
     LIMIT = "limit"  # a smaller fault than the test claims to find: it finds it, or passes
-    OTHER = "other"  # no claim covers the fault: the test passes, or there is a general reason why not
+    OTHER = "other"  # no claim covers the fault: the test passes, names it, or there is a general reason why not
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,11 +155,13 @@ def others_of(claims: Claims, reasons: Sequence[Reason]) -> Iterator[Case]:
     for name in provable_kinds(robot):
         if name not in claimed:
             reason = next((one.text for one in reasons if one.holds_for(claims.test, name)), "")
+            target = _target(robot, name, str(parameters.get("part", "")))
             yield Case(
                 claims.test,
                 Expectation.OTHER,
                 name,
-                _target(robot, name, str(parameters.get("part", ""))),
+                target,
+                names=target,
                 parameters=parameters,
                 reason=reason,
                 timeout=claims.timeout,

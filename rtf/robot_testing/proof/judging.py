@@ -67,10 +67,9 @@ def judge(case: Case, result: TestResult | None) -> JudgedCase:
 
 def _judgement(case: Case, verdict: Verdict, problems: Sequence[Message]) -> Judgement:
     passed, expectation = verdict in _PASSED, case.expectation
-    unable = expectation is Expectation.EXPECTED and verdict is Verdict.INCONCLUSIVE  # the reason says why
-    if unable or (expectation is Expectation.OTHER and case.reason and not passed):
-        return Judgement.EXPECTED
-    if verdict in NO_STATEMENT:
+    if expectation is Expectation.OTHER and not passed:
+        return _loud(case, verdict, problems)
+    if verdict in NO_STATEMENT and not (expectation is Expectation.EXPECTED and verdict is Verdict.INCONCLUSIVE):
         return Judgement.NOT_TESTED
     if expectation is Expectation.FOUND or (expectation is Expectation.LIMIT and not passed):
         return _found(case, verdict, problems)
@@ -81,12 +80,25 @@ def _judgement(case: Case, verdict: Verdict, problems: Sequence[Message]) -> Jud
     return Judgement.HEALTHY if expectation is Expectation.HEALTHY else Judgement.SILENT
 
 
+def _loud(case: Case, verdict: Verdict, problems: Sequence[Message]) -> Judgement:
+    """Judge a test that does not pass on a fault without a claim: what it says is true, or there is a reason."""
+    if verdict is Verdict.FAILED and case.names and problems and all(_names(one, case) for one in problems):
+        return Judgement.FOUND
+    if case.reason:
+        return Judgement.EXPECTED
+    return Judgement.NOT_TESTED if verdict in NO_STATEMENT else Judgement.ALARM
+
+
 def _found(case: Case, verdict: Verdict, problems: Sequence[Message]) -> Judgement:
     if verdict in _PASSED:
         return Judgement.MISSED
     if verdict is not Verdict.FAILED:
         return Judgement.NOT_TESTED
     return Judgement.FOUND if any(_names(problem, case) for problem in problems) else Judgement.UNNAMED
+
+
+def _blames_only_the_target(case: Case, problems: Sequence[Message]) -> bool:
+    return bool(case.target) and bool(problems) and all(_names(problem, case) for problem in problems)
 
 
 def _names(problem: Message, case: Case) -> bool:

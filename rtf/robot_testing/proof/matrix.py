@@ -53,7 +53,7 @@ def _others(judged: Sequence[JudgedCase]) -> str:
     return (
         "\n## Faults without a claim\n\n"
         f"Every test was also run on every fault that none of its claims covers, {len(judged)} pairs: "
-        f"{len(judged) - len(loud)} passed. These did not:\n\n{_cases(loud)}"
+        f"{len(judged) - len(loud)} passed. These did not, because they found the fault, or for another reason:\n\n{_cases(loud)}"
     )
 
 
@@ -109,7 +109,7 @@ def _cases(judged: Sequence[JudgedCase]) -> str:
     for one in sorted(judged, key=lambda f: (f.case.test, order.index(f.case.expectation), f.case.name)):
         case = one.case
         came = one.judgement.value if one.judgement.good else f"**{one.judgement.value}**"
-        said = case.reason or one.sentence
+        said = one.sentence if one.judgement is Judgement.FOUND else case.reason or one.sentence
         came += case.on_unit
         cells = [case.test, case.fault or "none", case.target, _severity(case), came, said]
         rows.append(f"| {' | '.join(_cell(cell) for cell in cells)} |\n")

@@ -20,10 +20,10 @@ from rtf.robot_testing.proof import (
 )
 from rtf.robot_testing.proof.cases import provable_kinds
 from rtf.robot_testing.proof.claims import robot_of
-from rtf.testing.events import TestEnded, TestPlanned
+from rtf.testing.events import Message, TestEnded, TestPlanned
 from rtf.testing.plugins import shipped_folder
 from rtf.testing.results import TestResult
-from rtf.testing.verdict import Verdict
+from rtf.testing.verdict import Severity, Verdict
 
 CLAIMS = shipped_folder("test") / "claims"
 DEAD = '[[reason]]\nfaults = ["motor_dead"]\ntext = "a joint that does not move ends every test that moves it"\n'
@@ -102,6 +102,19 @@ def test_a_test_that_does_not_pass_needs_a_reason(verdict: Verdict, reason: str,
     result.verdict = verdict
     result.attempts.append(TestEnded(test="s/t", outcome=verdict, verdict=verdict))
     case = Case("Looks", Expectation.OTHER, "jam", "l_elbow", reason=reason)
+    assert judge(case, result).judgement is judgement
+
+
+@pytest.mark.parametrize(
+    ("subjects", "judgement"), [(["l_elbow"], Judgement.FOUND), (["l_elbow", "l_wrist_yaw"], Judgement.ALARM)]
+)
+def test_a_failure_that_names_what_is_faulty_needs_no_reason(subjects: list[str], judgement: Judgement):
+    """It is more than the test claims, and true; but not if it fails another joint, too."""
+    result = TestResult(TestPlanned(test="s/t", suite="s", name="t"), "t")
+    result.verdict = Verdict.FAILED
+    for subject in subjects:
+        result.apply(Message(severity=Severity.FAILURE, title="checks", detail="it does not move", subject=subject))
+    case = Case("Looks", Expectation.OTHER, "jam", "l_elbow", names="l_elbow")
     assert judge(case, result).judgement is judgement
 
 
