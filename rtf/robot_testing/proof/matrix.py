@@ -53,7 +53,8 @@ def _others(judged: Sequence[JudgedCase]) -> str:
     return (
         "\n## Faults without a claim\n\n"
         f"Every test was also run on every fault that none of its claims covers, {len(judged)} pairs: "
-        f"{len(judged) - len(loud)} passed. These did not, because they found the fault, or for another reason:\n\n{_cases(loud)}"
+        f"{len(judged) - len(loud)} passed.\n"
+        f"These did not, because they found the fault, or for another reason:\n\n{_cases(loud)}"
     )
 
 
