@@ -21,7 +21,8 @@ _EXAMPLES = """\
 rtf proof                          everything, on all cores; hours of robot time in minutes
 rtf proof --fast                   the healthy robot, and the faults that are found soonest: some minutes
 rtf proof --test JointLimits       one test
-rtf proof --others                 also without a claim: every test on every fault, about an hour
+rtf proof --others                 also without a claim: every test on every fault, some hours
+rtf proof --others --fast          the same with few joints and repetitions
 rtf proof --limits                 also smaller faults than claimed: from which size on each is found
 rtf proof --units 1-20             on robots that differ as real ones do, each claim on the next of them
 rtf proof --resume                 go on with a proof that was interrupted
@@ -167,8 +168,9 @@ def _resume(folder: Path) -> tuple[ExitCode, dict[str, Case]]:
     from rtf.cli import testrunner
     from rtf.robot_testing.proof import read_suites, shipped_cases
 
-    # The fast subset has other parameters on the healthy robot.
-    by_test = read_suites(folder, [*shipped_cases(others=True, limits=True), *shipped_cases(fast=True)])
+    # The fast subset has other parameters.
+    every = [*shipped_cases(others=True, limits=True), *shipped_cases(fast=True, others=True)]
+    by_test = read_suites(folder, every)
     return ExitCode(testrunner.main(["--resume", str(folder / "run")])), by_test
 
 

@@ -146,12 +146,16 @@ def limits_of(claims: Claims) -> Iterator[Case]:
             yield replace(_case(claims, claim, smaller), expectation=Expectation.LIMIT)
 
 
-def others_of(claims: Claims, reasons: Sequence[Reason]) -> Iterator[Case]:
-    """Yield the cases of a test with each fault that no claim covers, at default severity, in the tested part."""
+def others_of(claims: Claims, reasons: Sequence[Reason], *, fast: bool = False) -> Iterator[Case]:
+    """Yield the cases of a test with each fault that no claim covers, at default severity, in the tested part.
+
+    ``fast``: with the parameters of the fast subset, such as two joints instead of sixteen.
+    """
     claimed = {claim.fault for claim in claims.claims}
     robot = robot_of(claims.robot)
     part = robot.axis(_targets(robot)[Target.AXIS]).part
     parameters = {**({"part": part} if claims.of_a_part else {}), **claims.parameters}
+    parameters |= claims.fast_parameters if fast else {}
     for name in provable_kinds(robot):
         if name not in claimed:
             reason = next((one.text for one in reasons if one.holds_for(claims.test, name)), "")

@@ -28,6 +28,6 @@ def shipped_cases(
         claims = read_claims(file)
         if not tests or claims.test in tests:
             cases += cases_of(claims, fast=fast)
-            cases += others_of(claims, reasons) if others else ()
+            cases += others_of(claims, reasons, fast=fast) if others else ()
             cases += limits_of(claims) if limits else ()
     return cases
