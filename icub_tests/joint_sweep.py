@@ -129,6 +129,7 @@ class JointSweep(JointsTest):
             run_queues(part, part.queues(self.chosen), self._routine, pace=PACE)
         self.assert_error_if_false(len(trace), f"{part.name}: the board publishes no states")
         self._states = _States.of(trace, self.transmission)
+        self._wrong_stamps = trace.wrong_stamps
         for joint in self.chosen:
             with self.subresult(part.names[joint]):
                 self._judge(joint, self._sweeps[joint])
@@ -263,8 +264,9 @@ class JointSweep(JointsTest):
         return next((f"it shares motors: {text}" for one in sharing if (text := self._broken(one))), "")
 
     def _disturbance(self, joint: int) -> str:
-        """Return what disturbs a joint: one that shares its motors, or any that shakes, or jerks without a current."""
-        if found := limpness(self.robot_part, joint) or self._shared(joint) or self._shaking(joint):
+        """Return what disturbs a joint: wrong times, one that shares its motors, any that shakes, or jerks."""
+        limp = limpness(self.robot_part, joint)
+        if found := self._wrong_stamps or limp or self._shared(joint) or self._shaking(joint):
             return found
         return next(filter(None, map(self._interrupted, sorted(self._sweeps.keys() - {joint}))), "")
 

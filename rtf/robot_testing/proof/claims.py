@@ -7,7 +7,7 @@
     configuration = "icubSim"             # or a robot of suites/robots that is started by its configuration, with
                                           # devices such as Cartesian controllers
     parameters = { part = "left_arm" }    # of the test in all cases, besides those of a case
-    fast_parameters = { joints = [1, 3] } # for the healthy robot in the fast subset
+    fast_parameters = { joints = [1, 3] } # in the fast subset, for the healthy robot and for faults without a claim
 
     [[finds]]                             # the test must fail, and name the faulty component
     fault = "jam"

@@ -82,7 +82,8 @@ def _judgement(case: Case, verdict: Verdict, problems: Sequence[Message]) -> Jud
 
 def _loud(case: Case, verdict: Verdict, problems: Sequence[Message]) -> Judgement:
     """Judge a test that does not pass on a fault without a claim: what it says is true, or there is a reason."""
-    if verdict is Verdict.FAILED and case.names and problems and all(_names(one, case) for one in problems):
+    named = bool(case.names) and any(_names(one, case) for one in problems)
+    if verdict is Verdict.FAILED and named and not any(_blames_another_joint(one, case) for one in problems):
         return Judgement.FOUND
     if case.reason:
         return Judgement.EXPECTED
@@ -104,10 +105,21 @@ def _blames_only_the_target(case: Case, problems: Sequence[Message]) -> bool:
 def _names(problem: Message, case: Case) -> bool:
     """Return whether a failure names the faulty component. A failure of a joint's sub-result is of that joint only."""
     name, known = case.names, robot_of(case.robot).index.keys()
-    joints = known & set(re.split(r"[ /]", problem.subject))
-    if joints and name in known:
-        return not joints.isdisjoint(faulty_joints(case) if name == case.target else {name})
+    if name in known and _joints(problem, case):
+        return not _joints(problem, case).isdisjoint(faulty_joints(case) if name == case.target else {name})
     return name in f"{problem.subject}: {problem.detail}"
+
+
+def _blames_another_joint(problem: Message, case: Case) -> bool:
+    known = robot_of(case.robot).index.keys()
+    faulty = faulty_joints(case) if case.target in known else frozenset()
+    joints = _joints(problem, case)
+    return bool(joints) and joints.isdisjoint(faulty)
+
+
+def _joints(problem: Message, case: Case) -> set[str]:
+    """Return the joints in the name of the sub-result of a failure."""
+    return robot_of(case.robot).index.keys() & set(re.split(r"[ /]", problem.subject))
 
 
 def faulty_joints(case: Case) -> frozenset[str]:

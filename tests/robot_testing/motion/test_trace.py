@@ -52,3 +52,14 @@ def test_stamps_of_a_simulators_clock_are_not_converted():
         assert np.array_equal(trace.local_time, trace.time)
         assert trace.clocks_apart == ""
         assert Trace().offset == 0.0
+
+
+def test_stamps_that_repeat_or_go_back_are_told():
+    """Their times are not known; the states are kept."""
+    trace = Trace()
+    for stamp in (1.0, 1.01, 1.01, 1.03):
+        trace.add(stamp, ExtendedState(1))
+    assert trace.wrong_stamps == "1 of 4 states have time stamps that repeat or go back"
+    trace.add(1.02, ExtendedState(1))
+    assert trace.wrong_stamps.startswith("2 of 5")
+    assert Trace().wrong_stamps == ""

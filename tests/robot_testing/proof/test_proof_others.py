@@ -106,7 +106,13 @@ def test_a_test_that_does_not_pass_needs_a_reason(verdict: Verdict, reason: str,
 
 
 @pytest.mark.parametrize(
-    ("subjects", "judgement"), [(["l_elbow"], Judgement.FOUND), (["l_elbow", "l_wrist_yaw"], Judgement.ALARM)]
+    ("subjects", "judgement"),
+    [
+        (["l_elbow"], Judgement.FOUND),
+        (["l_elbow", ""], Judgement.FOUND),
+        (["l_elbow", "l_wrist_yaw"], Judgement.ALARM),
+        ([""], Judgement.ALARM),
+    ],
 )
 def test_a_failure_that_names_what_is_faulty_needs_no_reason(subjects: list[str], judgement: Judgement):
     """It is more than the test claims, and true; but not if it fails another joint, too."""
