@@ -21,6 +21,7 @@ import numpy as np
 from rtf.robot.control_modes import ControlMode, InteractionMode
 from rtf.robot.errors import RobotError
 from rtf.robot_testing.motion.routines import pause, until
+from rtf.testing.verdict import TestFailure
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -91,6 +92,10 @@ class Ramp:
     def moved(self) -> bool:
         """Whether the encoder of the motor or of the joint has shown motion."""
         return self.end is End.MOVED
+
+
+class ModeError(RobotError, TestFailure):
+    """A joint does not enter a mode: the test fails, as the robot is at fault."""
 
 
 class LimpMotor:
@@ -204,7 +209,8 @@ class LimpMotor:
         yield from self._drive_anew(self.holding)
         while part.board.control_mode(joint) is not ControlMode.PWM:
             if part.clock.now() >= end:
-                raise RobotError(f"{part.names[joint]} does not enter the duty cycle mode (PWM)")
+                word = part.board.control_mode(joint).word
+                raise ModeError(f"{part.names[joint]} does not enter the duty cycle mode (PWM): it stays in {word}")
             yield from self._drive_anew(self.holding)
         self.along = self._transmission.went_along(part.board, joint, ControlMode.PWM)
         self.stood = stood[[coupled.index(one) for one in self.along]]
