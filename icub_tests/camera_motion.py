@@ -52,7 +52,7 @@ class CameraMotion(StreamTest):
     """Turns the cameras a little by each joint that turns them in place, and measures how far the pictures move.
 
     The way is that of the joints by the model of the robot, times the focal length that the camera reports by its field
-    of view. A camera that shows what another one should see is told by the joints that turn the two differently. The
+    of view. A camera that shows what another one should see is found by the joints that turn the two differently. The
     scene has to stand still, and to have structures.
     """
 

@@ -46,7 +46,7 @@ class CanTimeouts(CanTest):
     """Has the host of a part send nothing for a while, in the middle of a slow motion, and measures when joints stop.
 
     Boards end a velocity that is not renewed within their time-out, and drives of motors stop without setpoints. The
-    program that drives the boards is told to be silent, as if it had died; joints go on for a few degrees meanwhile,
+    program that drives the boards stops sending, as if it had died; joints go on for a few degrees meanwhile,
     even if a time-out does not work. Afterwards the boards obey again.
     """
 

@@ -1,4 +1,4 @@
-"""Reaching tolerance: a hand comes as near to a pose as its Cartesian controller is told."""
+"""Reaching tolerance: a hand comes as near to a pose as its Cartesian controller is set."""
 
 from __future__ import annotations
 

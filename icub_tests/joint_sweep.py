@@ -191,7 +191,7 @@ class JointSweep(JointsTest):
             name = self.robot_part.names[joint]
             self.inconclusive(
                 f"the encoder of {name} agrees with that of its own motor, and not with all that it shares; but "
-                f"{self._shared(joint) or 'none of these can be told'}"
+                f"{self._shared(joint) or 'none of these is known'}"
             )
 
     def _judge(self, joint: int, sweep: _Sweep) -> None:

@@ -40,7 +40,7 @@ _SAME, _CLOSE = 1e-3, 0.01
 #: Residual, as a share of the half swing, from which on the estimated ratios are uncertain.
 _DOUBTFUL = 0.02
 #: Spikes are farther from the median than this number of quartile distances; no noise is, not even of few states. They
-#: are told of when they are less than this share of the states.
+#: are reported when they are less than this share of the states.
 _SPIKE, _RARE = 10.0, 0.1
 #: A delay is estimated where a joint is faster than this share of its greatest speed: there it has passed all play. Its
 #: speed is the slope over this number of states to either side, to smooth the resolution of encoders.

@@ -166,7 +166,7 @@ def _by_chance(same: NDArray[np.bool_]) -> int:
     """Return how many values of a sensor with a coarse resolution may equal the one before without a fault.
 
     ``same`` says which channels (columns) equal those before. Channels whose noise is some counts are equal now and
-    then, each on its own, and all of them with the product of their shares. The shares are told by the rows that differ
+    then, each on its own, and all of them with the product of their shares. The shares follow from the rows that differ
     in some channel, which rows that are repeated do not change: ``p = q + (1 - q) P``, if *q* is the share of a channel
     in those rows, and *P* that of the other rows, the product. Beyond the returned number there are more in one of a
     million recordings, by chance and by the error of the shares.

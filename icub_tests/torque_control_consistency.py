@@ -164,7 +164,7 @@ class TorqueControlConsistency(RobotTest):
     ) -> tuple[FloatArray, FloatArray]:
         """Return the mean torques of all joints (Nm), and how far they moved (deg).
 
-        Ends when the mean of the last states has settled at what the ``joints`` were told, or one whose torque was told
+        Ends when the mean of the last states has settled at the setpoints of the ``joints``, or one with a new setpoint
         has moved too far.
         """
         known = np.isfinite(told)

@@ -70,7 +70,7 @@ class Element:
         return "".join(self.pieces).strip()
 
     def attribute_location(self, name: str) -> Location:
-        """Where an attribute's name stands; the element's place when that cannot be told."""
+        """Where an attribute's name stands; the element's place when that is unknown."""
         if self._places is None:
             self._places = {}
             place, told = self.location, self.offset

@@ -105,7 +105,7 @@ def _clean_up(options: argparse.Namespace, code: int) -> int:
 
 
 class _Factory:
-    """Makes sessions and managers as the command line was told."""
+    """Makes sessions and managers by the options of the command line."""
 
     def __init__(self, options: argparse.Namespace) -> None:
         from rtf.cli.network.options import make_network

@@ -34,7 +34,7 @@ The settings are those of the original's config.ini, in a file or as options: --
   trajectory_time::neck, ::eyes; eye_tilt::min, ::max; imu::mode, ::source_port_name, ::timeout, ::gyro_noise_threshold
   cameras::context, ::file, or the groups themselves: CAMERA_CALIBRATION_LEFT, _RIGHT, ALIGN_KIN_LEFT, _RIGHT
   ping_robot_tmo, how long it waits for the robot; of this project: period (ms), eye_joints, eyes_lag (s)
-Other settings of a file, and of the original, are told and not used.
+Other settings of a file, and of the original, are reported and not used.
 
 examples:
   rtf simulator &                                     # a robot without a controller
@@ -56,7 +56,7 @@ _USED: dict[str, frozenset[str]] = {
     "imu": frozenset({"mode", "source_port_name", "timeout", "gyro_noise_threshold"}),
     "cameras": frozenset({"context", "file"}),
 }
-#: Further settings of the original, which are told, and not used.
+#: Further settings of the original, which are reported, and not used.
 _ORIGINAL = ("neck_position_control", "min_abs_vel", "verbose", "verbosity", "tweak", "debugInfo")
 #: The greatest age (s) of what a gyroscope says.
 _FRESH = 0.04

@@ -52,7 +52,7 @@ class SuiteSession:
         self._closed = False
         self.run_folder: Path | None = None
         self.anything_red = False
-        self.markers: set[str] = set()  # what pytest has been told are names of markers
+        self.markers: set[str] = set()  # names of markers that pytest knows
         self._workerinput: dict[str, str] = getattr(config, "workerinput", {})  # pytest-xdist puts it there
         self.worker = self._workerinput.get("workerid", "")
         self._locks = FixtureLocks(lock_file(self._workerinput["testrunuid"])) if self.worker else None

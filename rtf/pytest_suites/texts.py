@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 #: Characters of one section; the record of the run has the rest.
 _SECTION_LIMIT = 256 * 1024
-#: So many cases of a program are told of; the record of the run has all.
+#: The greatest number of cases of a program in a text; the record of the run has all.
 _CASES = 20
 
 

@@ -65,7 +65,7 @@ class Parts:
 
 
 class Behaviour:
-    """The behaviour. All calls come from one thread; ``report`` is told of errors."""
+    """The behaviour. All calls come from one thread; ``report`` gets errors."""
 
     def __init__(self, parts: Parts, target: Target, report: Callable[[str], None]) -> None:
         self._parts = parts
@@ -75,7 +75,7 @@ class Behaviour:
         self._looked_at: FloatArray | None = None
         self._side: Side | None = None
         self.state = State.IDLE
-        #: Why it is in this state; empty if it was told to be.
+        #: Why it is in this state; empty after a command.
         self.reason = ""
 
     def start(self, now: float, angles: GazeAngles | None) -> None:

@@ -55,7 +55,7 @@ PERIOD = 0.02  # s
 _PATIENCE = 60.0
 _OK, _FAIL = Vocab("ok"), Vocab("fail")
 _CARRIER = "tcp"
-#: What a viewer is told besides the place: a size (mm), no turn, red, not transparent.
+#: What a viewer gets besides the place: a size (mm), no turn, red, not transparent.
 _SIZE, _LOOK = [50.0] * 3, [0.0, 0.0, 0.0, 255, 0, 0, 1.0]
 _MILLIMETRES = 1e3
 

@@ -122,7 +122,7 @@ class RobotBridge:
             self._states(state)
 
     def _publish(self, what: str, work: Callable[[], object]) -> None:
-        """Do something whose error is told once, until it works again."""
+        """Do something whose error is reported once, until it works again."""
         try:
             work()
             self._told.discard(what)

@@ -36,7 +36,7 @@ class Node:
     """A node. ``name`` is its own and ``namespace`` begins with ``/``. It lasts until it is closed.
 
     ``master`` is the address of the master (default: ROS_MASTER_URI), and ``host`` that at which others find this node
-    (default: ROS_HOSTNAME, ROS_IP, else loopback). ``report`` is told what goes wrong later, such as a master that is
+    (default: ROS_HOSTNAME, ROS_IP, else loopback). ``report`` gets later errors, such as a master that is
     lost, from any thread. Messages of more than ``limit`` bytes are refused. Raises Ros1Error for names that ROS 1 does
     not take, and MasterError if there is no master.
     """

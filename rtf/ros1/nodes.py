@@ -33,7 +33,7 @@ _users: dict[str, int] = {}
 def shared_node(path: str, report: Callable[[str], None] | None = None) -> Iterator[Node]:
     """Use the node of this process with a full name, such as ``/icub/left_arm``. Raises the errors of :class:`Node`.
 
-    ``report`` is told what goes wrong if it is made by this call.
+    ``report`` gets the errors of a node that is made by this call.
     """
     full = f"/{path.strip('/')}"
     with _lock:

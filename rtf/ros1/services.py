@@ -67,7 +67,7 @@ class ServiceServer:
         try:
             response = self._answer(self.service.request.decode(data))
             return encode_response(True, self.service.response.encode(response))
-        except Exception as error:  # noqa: BLE001 - whatever it is, the client is told, and the server goes on
+        except Exception as error:  # noqa: BLE001 - whatever it is, the client gets it, and the server goes on
             self._report(f"the service {self.name} could not answer: {type(error).__name__}: {error}")
             return encode_response(False, f"{type(error).__name__}: {error}".encode())
 

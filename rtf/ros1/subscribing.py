@@ -70,7 +70,7 @@ class Subscription:
         self.update(())
 
     def deliver(self, message: Any) -> None:
-        """Pass a message to all callbacks. What one of them raises is told like that of any thread."""
+        """Pass a message to all callbacks. What one of them raises is reported like that of any thread."""
         for callback in self._callbacks:
             try:
                 callback(message)

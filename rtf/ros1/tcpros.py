@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 #: The longest header that is accepted: it has the definition of a type.
 MAX_HEADER = 1 << 20
-#: The longest message that is accepted, unless a node is told otherwise.
+#: The longest message that is accepted, unless a node has another limit.
 MAX_MESSAGE = 64 << 20
 _length = struct.Struct("<I")
 

@@ -138,7 +138,7 @@ _UNREADABLE = (ExpatError, _RefusedXmlError, xmlrpc.client.Error, ValueError, Ty
 
 def _read(document: bytes) -> tuple[tuple[Any, ...], str | None]:
     """Return the parameters of a document, and the name of the function. Raises one of _UNREADABLE."""
-    # The class is the one that Python's own reader uses; it keeps what it is told of elements.
+    # The class is the one that Python's own reader uses; it keeps the elements that it has seen.
     reader = xmlrpc.client.Unmarshaller()
     depth = 0
 

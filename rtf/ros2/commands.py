@@ -53,7 +53,7 @@ class Command(NamedTuple):
 
 
 class CommandedPart:
-    """A board that obeys commands of one owner, in a thread of its own. ``report`` is told what is not obeyed.
+    """A board that obeys commands of one owner, in a thread of its own. ``report`` gets what is not obeyed.
 
     Setpoints of positions go to their target no faster than the joints may. Raises RobotError, Ros2Error.
     """

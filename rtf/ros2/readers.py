@@ -1,4 +1,4 @@
-"""What arrives at a reader, and callbacks with it: a message that cannot be read is told and skipped."""
+"""What arrives at a reader, and callbacks with it: a message that cannot be read is reported and skipped."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ _IMU = (
 _IMU_PLACES = [(category, slice(3 * category, 3 * category + 3)) for category in _IMU]
 # Names of this module, as the look-up of members of an enumeration is slow.
 _WELL, _FORCE_TORQUE, _CATEGORIES = SensorStatus.OK, SensorCategory.FORCE_TORQUE, len(SensorCategory)
-#: Drifts are told by the minute.
+#: Drifts are given by the minute.
 _MINUTE = 60.0
 _DRIFT_SEED = 0xD21F7
 #: Number of measurements whose noise is drawn at once, which takes a tenth of the time.

@@ -1,7 +1,7 @@
 """The description of plug-ins from the text of their files; nothing is run.
 
 An attribute of a class is the value that its body sets, or else that of the classes it derives from, which are looked
-up in its file and in the library. What cannot be told for certain is unknown, and the planner then loads the plug-in.
+up in its file and in the library. What is not certain is unknown, and the planner then loads the plug-in.
 """
 
 from __future__ import annotations

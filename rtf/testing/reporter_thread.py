@@ -182,7 +182,7 @@ class ReporterThread:
             call.began, self._call = clock.monotonic(), call
             try:
                 answer = call.function()
-            except BaseException as error:  # noqa: BLE001 - told of; SystemExit of a plug-in ends nothing here
+            except BaseException as error:  # noqa: BLE001 - reported; SystemExit of a plug-in ends nothing here
                 problem = error
             with self._lock:
                 if self._call is not call:

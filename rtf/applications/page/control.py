@@ -64,7 +64,7 @@ ModuleState: TypeAlias = tuple[str, int, str, str]
 
 
 class Factory(Protocol):
-    """Makes what it takes to run applications on a network, as the command line was told."""
+    """Makes what applications need to run on a network, by the options of the command line."""
 
     network: Network
 
@@ -250,7 +250,7 @@ class ControlledApplication:
         return [one for one in self._application.connections if keys is None or key_of(one) in keys]
 
     def _do(self, work: Callable[[], object]) -> None:
-        """Work on a request in a thread of its own; its errors are told."""
+        """Work on a request in a thread of its own; its errors are reported."""
 
         def whole() -> None:
             try:

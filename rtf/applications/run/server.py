@@ -1,6 +1,6 @@
 """The node: a port that starts, lists, signals and ends programs of this machine for those who ask.
 
-It answers as ``yarprun`` 3.12.3 does, with these differences: a program that cannot be started is always told of; a
+It answers as ``yarprun`` 3.12.3 does, with these differences: a program that cannot be started is always reported; a
 message that asks for nothing ends the connection instead of leaving the client waiting; signals reach all processes of
 a program; ``sysinfo`` has the machine's figures only; and ``ended`` says how a program has ended.
 """
@@ -237,7 +237,7 @@ class RunServer:
     def answer(self, message: Bottle) -> object:
         """Return the answer to a request, which is encoded as a message. Raises RequestError."""
         request = read_request(message)
-        self._ready.wait()  # nobody is told that a held program does not run before it is found
+        self._ready.wait()  # a held program does not count as ended before it is found
         if isinstance(request, Start):
             return Bottle(self._start(request))
         if isinstance(request, Kill):

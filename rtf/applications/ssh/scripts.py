@@ -1,4 +1,4 @@
-"""What a shell at the other end of ssh is told: to start a program, to list what runs, to send signals, to measure.
+"""Commands for a shell at the other end of ssh: to start a program, to list what runs, to send signals, to measure.
 
 Scripts go to ``sh`` by its standard input, so that neither the login shell nor a list of processes sees what is in
 them. Each word from a file is quoted once, by :func:`shlex.quote`. They need a POSIX shell, ``setsid``, ``grep`` and

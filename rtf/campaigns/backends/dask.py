@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
     from rtf.campaigns.file import BackendTable
 
-#: Of a cluster of our own: a death of a worker is told at once, and a worker gets no task before it is free. What Dask
-#: measures of its own threads a hundred times a second says nothing of runs, which are processes.
+#: Of a cluster of our own: a death of a worker is reported at once, and a worker gets no task before it is free. What
+#: Dask measures of its own threads a hundred times a second says nothing of runs, which are processes.
 _CONFIGURATION = {
     "distributed.scheduler.allowed-failures": 0,
     "distributed.scheduler.worker-saturation": 1.0,

@@ -150,7 +150,7 @@ class OutputLink(ABC):
         """Set the timeout in seconds after which a wait raises WaitTimeoutError; None: no timeout."""
         self._stream.limit_waiting(seconds)
 
-    def close(self, *, politely: bool = True) -> None:  # noqa: ARG002 - for carriers whose peer is told
+    def close(self, *, politely: bool = True) -> None:  # noqa: ARG002 - for carriers that notify the peer
         """End the connection; ``politely`` tells the peer first. A second call has no effect."""
         self._stream.close()
 

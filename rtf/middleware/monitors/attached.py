@@ -31,7 +31,7 @@ class TooLongError(BaseException):
 
 
 class Attached:
-    """A monitor in use. Any thread may call it; calls are one after the other. ``report`` is told why it ended.
+    """A monitor in use. Any thread may call it; calls are one after the other. ``report`` gets the reason for its end.
 
     After its end every message passes unchanged.
     """
@@ -100,7 +100,7 @@ class Attached:
         return found if isinstance(found, Property) else Property()
 
     def end(self, reason: str = "") -> None:
-        """End the monitor; ``reason`` is told unless it is empty."""
+        """End the monitor; ``reason`` is reported unless it is empty."""
         with self._lock:
             monitor = self._monitor
             if monitor is None:

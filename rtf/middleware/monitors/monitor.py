@@ -41,8 +41,8 @@ class PortMonitor:
     """A monitor of one connection, or of all messages of a port. A script defines a subclass of the name ``Monitor``.
 
     Its methods are called one after the other, in the thread of the connection whose message it is. One that raises,
-    returns something else, or does not return within a second ends the monitoring of its connection, which is told; the
-    messages go on.
+    returns something else, or does not return within a second ends the monitoring of its connection, which is reported;
+    the messages go on.
     """
 
     def __init__(self) -> None:

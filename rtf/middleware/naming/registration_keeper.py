@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Record:
-    """Everything that the server was told about a port."""
+    """Everything that the server knows about a port."""
 
     contact: Contact
     promise: str = ""

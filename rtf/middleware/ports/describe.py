@@ -74,7 +74,7 @@ _HELP = (
 _UNKNOWN = ("Port command not understood.", "Type d to send data to the port's owner.", "Type ? for help.")
 
 #: The reply to a caller that may not change connections.
-NOT_ALLOWED = "Not allowed: this port takes such commands only from the machines that it is told."
+NOT_ALLOWED = "Not allowed: this port takes such commands only from the machines in its settings."
 _UNREACHABLE = "Cannot connect to "
 
 

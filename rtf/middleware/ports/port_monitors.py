@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class PortMonitors:
-    """Loads the monitors of a port, and has them look at its messages. ``report`` is told what goes wrong in them."""
+    """Loads the monitors of a port, and has them look at its messages. ``report`` gets their errors."""
 
     def __init__(self, report: Callable[[str], None]) -> None:
         self._report = report

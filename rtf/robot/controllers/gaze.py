@@ -130,14 +130,14 @@ class GazeMotion:
         self._age = math.inf  # s, since the point was given
         self._moved = 0.0  # s, since the onset
         self._since_saccade = math.inf
-        self._pending = False  # the neck has still to be told of the point
+        self._pending = False  # the point has still to be sent to the neck
         self._before: NDArray[np.float64] | None = None  # the torso, a period ago
         self._began = np.zeros(NECK + 3)  # deg
         self._settling = 0.0  # s that are left
         self._unturned = np.zeros(NECK)  # deg: what stabilization has still to make up for
         self._countered: NDArray[np.float64] | None = None  # deg/s, a period ago
 
-    # What it is told -------------------------------------------------------------------------------------------------
+    # Commands -------------------------------------------------------------------------------------------------------
 
     @property
     def settings(self) -> GazeSettings:

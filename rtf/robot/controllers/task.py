@@ -1,4 +1,4 @@
-"""What controllers in space have in common: contexts, checkpoints, and those who are told of events."""
+"""What controllers in space have in common: contexts, checkpoints, and the listeners of events."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ positions of the neck, velocities of the eyes, and position moves of the eyes fo
 mode. The vestibulo-ocular reflex goes by a gyroscope, without one, and while its messages are late, by the encoders of
 the torso.
 
-Positions that do not come, or are no numbers, end a motion and suspend the controller, until it is told to run again.
+Positions that do not come, or are no numbers, end a motion and suspend the controller, until a command to run.
 A joint in fault ends a motion, too. Left out: the loop on streamed stereo pixels, which are triangulated.
 """
 
@@ -172,11 +172,11 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
             self.tell([ControllerEvent("motion-done", clock.current().now())])
 
     def stop(self) -> None:
-        """See ITaskControl: when it returns, the boards have been told, and what others command them then counts."""
+        """See ITaskControl: when it returns, the boards have the command, and later commands of others count."""
         self._halt()
 
     def _halt(self) -> None:
-        """End a motion, and stop the eyes; the neck holds what it was told last. Raises RobotError."""
+        """End a motion, and stop the eyes; the neck holds its last setpoint. Raises RobotError."""
         with self.lock:
             jumps, moving = self._motion.in_saccade, self._motion.abort()
             self._halting = True  # a period that is under way may still command a velocity
@@ -297,7 +297,7 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
             self._velocities.velocity_move(command.eyes, self._eyes)
 
     def _give_up(self, error: RobotError) -> None:
-        """End a motion, and stop the eyes if their board can be told so."""
+        """End a motion, and stop the eyes if their board answers."""
         self._change(stabilization=False)
         try:
             self._halt()

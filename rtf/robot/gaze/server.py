@@ -77,7 +77,7 @@ class GazeServer(TaskServer["tuple[FloatArray, ...]"]):
         self._control.stream_target(TARGETS[end](message))
 
     def answer(self, request: Bottle) -> Bottle:
-        """Return the reply to a request. An unknown first word is told twice, as by the original."""
+        """Return the reply to a request. An unknown first word is repeated, as by the original."""
         word = as_vocab(request[0] if request else None)
         if word in _QUIT:
             if self._quit is None:

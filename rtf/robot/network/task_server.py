@@ -95,7 +95,7 @@ class PeriodicControl(Protocol):
         """Do what a period needs, at the robot's time. Raises RobotError."""
 
     def stop(self) -> None:
-        """End a motion. Raises RobotError for boards that cannot be told."""
+        """End a motion. Raises RobotError for boards that do not answer."""
 
 
 C = TypeVar("C", bound=PeriodicControl)

@@ -60,7 +60,7 @@ class StopIgnored(_LostCommands):
 
     kind = "stop_ignored"
     description = "The board does not take commands to stop."
-    symptom = "A move goes on to its target, whoever wants it to end: a client, a guard, an operator."
+    symptom = "A move goes on to its target, although a client, a guard or an operator stops it."
 
     def loses(self, what: str) -> bool:
         return what == "stop"

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from rtf.simulator.motors import Windings
 
 
-#: The speed at which viscous friction is told, deg/s.
+#: The speed for which viscous friction is given, deg/s.
 _KNOWN_AT = 100.0
 
 

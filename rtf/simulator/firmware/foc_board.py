@@ -63,7 +63,7 @@ class Gains:
 class FocBoard(Board):
     """A board at ``address`` with the motor of one ``axis`` of the robot, a column in ``boards``, of its own alone.
 
-    ``faults`` are those that the board has found. Nothing that it was told is there after a reset.
+    ``faults`` are those that the board has found. Its settings are lost by a reset.
     """
 
     dialect = Dialect.FOC

@@ -1,4 +1,4 @@
-"""The state of a board that controls two joints: what it was told, what it measures, and its connection to the bus."""
+"""The state of a board that controls two joints: its commands, what it measures, and its connection to the bus."""
 
 from __future__ import annotations
 

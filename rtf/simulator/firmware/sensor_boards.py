@@ -1,6 +1,6 @@
 """Boards that measure: force-torque sensors, inertial units, skin, and the hall sensors of a hand.
 
-A board reads its own sensor only, at its rate, and sends what it has read, until it is told to stop. Which of them
+A board reads its own sensor only, at its rate, and sends what it has read, until a command stops it. Which of them
 send from power-up on, and all that a message does not change, such as the calibration of a force-torque sensor, is what
 is in their flash. What is no message for them is dropped.
 """
@@ -98,7 +98,7 @@ class StrainBoard(SensorBoard):
 
     It has the temperature of the room, which it sends every second beside its readings.
     ``scales`` are the full scales, whole numbers of N and Nm. ``calibration`` (6 by 6) makes shares of them of shares
-    of the range of the gauges. A gauge beyond its range is saturated, and this is told with what follows from it.
+    of the range of the gauges. A gauge beyond its range is saturated, and the messages say so.
     """
 
     flash = (StrainMode.STOPPED, PERIOD)

@@ -42,7 +42,7 @@ class Node(Protocol):
     """What is connected to a wire. ``address``: of a board; None of one that gets all frames.
 
     One that has ``receive_all`` gets what boards broadcast by it, as a list of frames and times, at the end of a step.
-    One that has ``disturbed`` is told of each error frame, as the controllers of hosts tell it.
+    ``disturbed``, if there is one, is called for each error frame, as the controllers of hosts report them.
     """
 
     address: int | None

@@ -157,7 +157,7 @@ class FixtureProgram:
     def _how_it_ended(self) -> str:
         """Return how it ended; with an exit status of an error, the last line that it wrote, to stderr if there is one.
 
-        Its streams are two pipes: which of them was written last cannot be told.
+        Its streams are two pipes: which of them was written last is unknown.
         """
         text, status = f"{self.name} ended: {self.end}", self.end.exit_status if self.end is not None else None
         lines = [*self._tail.lines("stdout"), *self._tail.lines("stderr")] if status else []

@@ -55,7 +55,7 @@ class BusCounters:
     refused: int = 0  # frames for which the queue was full, or the bus off
     bus_off: int = 0
     recovered: int = 0
-    withheld: int = 0  # frames that were to be sent while the bus was told to send nothing
+    withheld: int = 0  # frames that were to be sent while sending was off
 
 
 @dataclass(slots=True)
@@ -212,7 +212,7 @@ class CanBus:
     def _filter(self) -> None:
         if self.settings.interface in FILTERING:
             wanted = sorted(frozenset().union(*(identifiers for _, identifiers in self._subscribed)))
-            with suppress(can.CanError):  # as it is told by the next frame that is read
+            with suppress(can.CanError):  # as the next frame that is read reports it
                 self._bus.set_filters(
                     [
                         can.typechecking.CanFilter(can_id=one, can_mask=_IDENTIFIERS - 1, extended=False)
