@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -97,6 +98,17 @@ class Trace:
     def positions(self) -> FloatArray:
         """Joint positions (deg)."""
         return self.column(Field.JOINT_POSITIONS)
+
+    def median_positions(self, count: int = 5) -> FloatArray:
+        """Return the medians of the last ``count`` joint positions (deg): a single reading that jumps does not count.
+
+        Raises IndexError before the first state.
+        """
+        newest = [state.values(Field.JOINT_POSITIONS) for _, _, state in islice(reversed(self._states.copy()), count)]
+        if not newest:
+            raise IndexError("there is no state yet")
+        positions: FloatArray = np.median(newest, axis=0)
+        return positions
 
     @property
     def velocities(self) -> FloatArray:

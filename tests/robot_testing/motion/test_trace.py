@@ -63,3 +63,16 @@ def test_stamps_that_repeat_or_go_back_are_told():
     trace.add(1.02, ExtendedState(1))
     assert trace.wrong_stamps.startswith("2 of 5")
     assert Trace().wrong_stamps == ""
+
+
+def test_a_reading_that_jumps_does_not_count_as_a_position():
+    """The median of the last five; of fewer if there are no more."""
+    trace = Trace()
+    with pytest.raises(IndexError, match="no state"):
+        trace.median_positions()
+    for stamp, position in enumerate((90.0, 1.0, 1.0, 45.0, 1.5, 2.0)):
+        state = ExtendedState(1)
+        state.joint_positions[0] = position
+        trace.add(float(stamp), state)
+    assert trace.median_positions() == [1.5]
+    assert trace.median_positions(1) == [2.0]
