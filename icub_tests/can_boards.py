@@ -228,7 +228,7 @@ class CanBoards(CanTest):
             for goal in (away, home):
                 arrival = part.move(goal, joints, speed=self.speed, timeout=timeout)
                 if not arrival.reached:
-                    return DeviceError(f"it is at {np.round(arrival.positions, 2)} deg, not {np.round(goal, 2)} deg")
+                    return DeviceError(arrival.late(part, joints, goal))
         except (GuardError, StaleStateError) as error:
             return error
         return None

@@ -152,8 +152,9 @@ class CanTimeouts(CanTest):
         times, speeds = times[times <= until], speeds[times <= until]
         self.record(f"{axis.name} on the bus", time=(times - since, "s"), speed=(speeds, "count"))
         fastest = float(np.abs(speeds).max(initial=0.0))
-        self.assert_error_if_true(
-            fastest < _LEAST_SPEED, f"{name} has not moved: {fastest:g} counts of speed on the bus"
+        self.assert_fail_if_true(
+            fastest < _LEAST_SPEED,
+            f"{name} has not moved: {fastest:g} counts of speed on the bus; {likely_causes('does not move')}",
         )
         stopped = rest_after(times, speeds, _STOPPED)
         took = (until if stopped is None else stopped) - since

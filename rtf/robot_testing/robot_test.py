@@ -332,14 +332,9 @@ class RobotTest(StopJudging):
         self, arrival: Arrival, goal: str, part: Part, joints: Sequence[int], targets: Sequence[float] | FloatArray
     ) -> None:
         """End the test with an error unless a move has arrived; ``goal`` and the late joints are in the message."""
-        if arrival.reached:
-            return
-        late = [
-            f"{part.names[joint]} is at {part.shown(joint, where)}, not {part.shown(joint, target)}"
-            for joint, where, target in zip(joints, arrival.positions, targets, strict=True)
-            if not abs(where - target) <= arrival.tolerance
-        ]
-        self.assert_error(f"{part.name} did not reach {goal} within {arrival.seconds:.1f} s: {'; '.join(late)}")
+        if not arrival.reached:
+            late = arrival.late(part, joints, targets)
+            self.assert_error(f"{part.name} did not reach {goal} within {arrival.seconds:.1f} s: {late}")
 
     # Units of prismatic joints -----------------------------------------------------------------------------------
 

@@ -54,6 +54,14 @@ class Arrival(NamedTuple):
     seconds: float
     tolerance: float = TOLERANCE
 
+    def late(self, part: Part, joints: Sequence[int], targets: Sequence[float] | FloatArray) -> str:
+        """Return which of the ``joints`` are not at their targets (deg), with where they are."""
+        return "; ".join(
+            f"{part.names[joint]} is at {part.shown(joint, where)}, not {part.shown(joint, target)}"
+            for joint, where, target in zip(joints, self.positions, targets, strict=True)
+            if not abs(where - target) <= self.tolerance
+        )
+
 
 class Part:
     """One part of the robot. ``joints`` are axis numbers; targets and speeds have one value for each of them.

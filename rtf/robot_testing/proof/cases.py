@@ -21,6 +21,7 @@ _NOT_IN_SUITES = frozenset({Layer.PROCESS})
 
 #: The tests that need a simulator with cameras.
 _WITH_CAMERAS = ("CameraMotion", "CameraTest", "RgbdTest")
+_CAMERAS = (Target.CAMERA, Target.DEPTH_CAMERA)
 
 
 class Expectation(Enum):
@@ -90,8 +91,7 @@ class Case:
     @property
     def needs_cameras(self) -> bool:
         """Whether the simulator must be started with cameras."""
-        kinds = (Target.CAMERA, Target.DEPTH_CAMERA)
-        return self.test in _WITH_CAMERAS or (bool(self.fault) and find_kind(self.fault).target_kind in kinds)
+        return self.test in _WITH_CAMERAS or (bool(self.fault) and find_kind(self.fault).target_kind in _CAMERAS)
 
 
 def cases_of(claims: Claims, *, fast: bool = False) -> Iterator[Case]:
@@ -157,7 +157,9 @@ def others_of(claims: Claims, reasons: Sequence[Reason], *, fast: bool = False) 
     parameters = {**({"part": part} if claims.of_a_part else {}), **claims.parameters}
     parameters |= claims.fast_parameters if fast else {}
     for name in provable_kinds(robot):
-        if name not in claimed:
+        # A robot that a configuration starts has the devices of that file, and few of these have cameras.
+        served = not claims.configuration or KINDS[name].target_kind not in _CAMERAS
+        if served and name not in claimed:
             reason = next((one.text for one in reasons if one.holds_for(claims.test, name)), "")
             target = _target(robot, name, str(parameters.get("part", "")))
             yield Case(
@@ -189,8 +191,10 @@ def provable_kinds(robot: RobotModel | None = None) -> list[str]:
 
 
 def _target(robot: RobotModel, fault: str, part: str) -> str:
-    """Return the default target of a fault: that of its kind, or the first joint of another part."""
+    """Return the default target of a fault: that of its kind, or in another part its first joint or its state."""
     kind, targets = KINDS[fault].target_kind, _targets(robot)
+    if kind is Target.PORT and part in robot.parts:
+        return f"/{robot.simulated_name}/{part}/stateExt:o"
     if kind is Target.AXIS and part in robot.parts and part != robot.axis(targets[kind]).part:
         return robot.parts[part].axes[0].name
     return targets[kind]
