@@ -186,7 +186,9 @@ class CartesianTest(TaskTest[ICartesianControl]):
             taken = self._taken_joints()
             self.stop_controller()
             self.assert_error_if_true(
-                taken, f"another program, or a calibration, has taken {', '.join(taken)} from {self.remote}"
+                taken,
+                f"{', '.join(taken)} left the mode of {self.remote}, or never entered it: another program or a "
+                "calibration has taken it, or its board ignores requests for modes",
             )
         self.judge_encoders(
             self._late(found),
