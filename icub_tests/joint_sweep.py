@@ -76,6 +76,7 @@ class JointSweep(JointsTest):
     aliases = ("jointSweep", "joint-sweep")
     tags = ("motion", "encoders")
     safety = Safety.MOTION
+    _wrong_stamps = ""  # why the times of the recorded states are not known
 
     speed = Parameter(list[float], "speed of the slow moves", unit="deg/s", default=[40.0], low=0.1)
     fast = Parameter(list[float], "speed of the fast moves, at most what the joint can do", unit="deg/s",

@@ -136,7 +136,7 @@ class TorqueControlConsistency(RobotTest):
         chosen, others = [*joints], self._others(joints)
         told = np.full(part.axes, np.nan)
         told[chosen + others] = torques[chosen + others]
-        before = part.history.median_positions()
+        before = part.median_positions()
         part.board.set_control_modes([ControlMode.TORQUE] * len(chosen), chosen)
         if others:  # joints in other modes ignore the command
             part.board.set_reference_torques(torques[others], others)
@@ -170,7 +170,7 @@ class TorqueControlConsistency(RobotTest):
         known = np.isfinite(told)
 
         def ways() -> FloatArray:
-            return np.abs(part.history.median_positions() - before)
+            return np.abs(part.median_positions() - before)
 
         def torques() -> FloatArray:
             last = trace.time > trace.time[-1] - _MEASURING

@@ -276,6 +276,10 @@ class Part:
             self.guard.check_move(np.asarray(targets, dtype=np.float64), chosen, known)
         self.board.position_move(targets, joints)
 
+    def median_positions(self) -> FloatArray:
+        """Return the medians of the newest joint positions (deg), see :meth:`Trace.median_positions`."""
+        return self.history.median_positions() if len(self.history) else self.board.encoders()
+
     def _need_guard(self, what: str) -> None:
         if self.guard is None:
             raise UndeclaredMotionError(self.name, what)
