@@ -1,7 +1,7 @@
 """The sharpness of a picture: how steep its edges are.
 
 The root mean square of the differences between neighbouring pixels: a blurred edge is as high, and less steep, so the
-sum of the squares falls with the width of the blur. It is a share of the contrast, that is independent of the
+sum of the squares falls with the width of the blur. It is a share of the contrast, so independent of the
 exposure, and without what noise adds. Scenes differ, so only that of the same scene can be compared.
 """
 

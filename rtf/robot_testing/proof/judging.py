@@ -98,10 +98,6 @@ def _found(case: Case, verdict: Verdict, problems: Sequence[Message]) -> Judgeme
     return Judgement.FOUND if any(_names(problem, case) for problem in problems) else Judgement.UNNAMED
 
 
-def _blames_only_the_target(case: Case, problems: Sequence[Message]) -> bool:
-    return bool(case.target) and bool(problems) and all(_names(problem, case) for problem in problems)
-
-
 def _names(problem: Message, case: Case) -> bool:
     """Return whether a failure names the faulty component. A failure of a joint's sub-result is of that joint only."""
     name, known = case.names, robot_of(case.robot).index.keys()
