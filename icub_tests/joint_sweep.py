@@ -19,6 +19,7 @@ from rtf.robot_testing.motion.disturbance import limpness
 from rtf.robot_testing.motion.joint_swings import JointSwinger, Outcome, ends_of
 from rtf.robot_testing.motion.part import PACE
 from rtf.robot_testing.motion.routines import run_queues
+from rtf.robot_testing.motion.trace import wrong_stamps
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -76,7 +77,6 @@ class JointSweep(JointsTest):
     aliases = ("jointSweep", "joint-sweep")
     tags = ("motion", "encoders")
     safety = Safety.MOTION
-    _wrong_stamps = ""  # why the times of the recorded states are not known
 
     speed = Parameter(list[float], "speed of the slow moves", unit="deg/s", default=[40.0], low=0.1)
     fast = Parameter(list[float], "speed of the fast moves, at most what the joint can do", unit="deg/s",
@@ -130,7 +130,6 @@ class JointSweep(JointsTest):
             run_queues(part, part.queues(self.chosen), self._routine, pace=PACE)
         self.assert_error_if_false(len(trace), f"{part.name}: the board publishes no states")
         self._states = _States.of(trace, self.transmission)
-        self._wrong_stamps = trace.wrong_stamps
         for joint in self.chosen:
             with self.subresult(part.names[joint]):
                 self._judge(joint, self._sweeps[joint])
@@ -266,8 +265,8 @@ class JointSweep(JointsTest):
 
     def _disturbance(self, joint: int) -> str:
         """Return what disturbs a joint: wrong times, one that shares its motors, any that shakes, or jerks."""
-        limp = limpness(self.robot_part, joint)
-        if found := self._wrong_stamps or limp or self._shared(joint) or self._shaking(joint):
+        times = wrong_stamps(self._states.time)
+        if found := times or limpness(self.robot_part, joint) or self._shared(joint) or self._shaking(joint):
             return found
         return next(filter(None, map(self._interrupted, sorted(self._sweeps.keys() - {joint}))), "")
 

@@ -332,7 +332,7 @@ def test_effort_is_not_judged_while_another_joint_is_broken(
     """What its sensors say disturbs those that share its motors, and no others; one that jerks or shakes, all."""
     test = made("JointSweep")
     test.transmission = SimpleNamespace(sharing=lambda joint: {joint, 1})
-    test._sweeps = {0: None, 1: None, 2: None}
+    test._sweeps, test._states = {0: None, 1: None, 2: None}, SimpleNamespace(time=np.arange(3.0))
     test._broken = {broken: "joint and motor encoder of a joint disagree"}.get
     test._interrupted = {jerking: "the motor of a joint has no current in 5 of 100 states"}.get
     test._shaking = lambda joint: shaking
@@ -371,7 +371,7 @@ def test_effort_is_not_judged_while_another_joint_hangs_limp(
     """A limp joint changes the load of those that it carries, or that carry it; it is no excuse for itself."""
     test = made("JointSweep")
     test.transmission, test._sweeps = SimpleNamespace(sharing=lambda joint: {joint}), {}
-    test._shaking = lambda joint: ""
+    test._shaking, test._states = (lambda joint: ""), SimpleNamespace(time=np.arange(3.0))
     if limp is not None:
         bench.guard.exclude(limp, "it does not obey its commands")
     with test.subresult("joint0"):

@@ -83,13 +83,6 @@ class Trace:
             "times are judged without this offset; synchronize the clocks"
         )
 
-    @property
-    def wrong_stamps(self) -> str:
-        """The report of states whose stamps repeat or go back: their times are not known; "" without such states."""
-        time = self.time
-        wrong = int(np.count_nonzero(np.diff(time) <= 0.0))
-        return f"{wrong} of {len(time)} states have time stamps that repeat or go back" if wrong else ""
-
     def column(self, field: Field) -> NDArray[Any]:
         """Return one field of all states, shape (states, axes)."""
         return np.array([state.values(field) for _, _, state in list(self._states)])
@@ -152,3 +145,9 @@ class Trace:
     def control_modes(self) -> NDArray[np.int32]:
         """Joint control modes, as packed words."""
         return self.column(Field.CONTROL_MODES)
+
+
+def wrong_stamps(time: FloatArray) -> str:
+    """Return the report of states whose stamps (s) repeat or go back: their times are not known; "" without such."""
+    wrong = int(np.count_nonzero(np.diff(time) <= 0.0))
+    return f"{wrong} of {len(time)} states have time stamps that repeat or go back" if wrong else ""

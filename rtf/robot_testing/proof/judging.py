@@ -100,17 +100,15 @@ def _found(case: Case, verdict: Verdict, problems: Sequence[Message]) -> Judgeme
 
 def _names(problem: Message, case: Case) -> bool:
     """Return whether a failure names the faulty component. A failure of a joint's sub-result is of that joint only."""
-    name, known = case.names, robot_of(case.robot).index.keys()
-    if name in known and _joints(problem, case):
-        return not _joints(problem, case).isdisjoint(faulty_joints(case) if name == case.target else {name})
+    name = case.names
+    if name in robot_of(case.robot).index and (joints := _joints(problem, case)):
+        return not joints.isdisjoint(faulty_joints(case) if name == case.target else {name})
     return name in f"{problem.subject}: {problem.detail}"
 
 
 def _blames_another_joint(problem: Message, case: Case) -> bool:
-    known = robot_of(case.robot).index.keys()
-    faulty = faulty_joints(case) if case.target in known else frozenset()
     joints = _joints(problem, case)
-    return bool(joints) and joints.isdisjoint(faulty)
+    return bool(joints) and joints.isdisjoint(faulty_joints(case))
 
 
 def _joints(problem: Message, case: Case) -> set[str]:
@@ -119,9 +117,14 @@ def _joints(problem: Message, case: Case) -> set[str]:
 
 
 def faulty_joints(case: Case) -> frozenset[str]:
-    """Return the joints that a fault of an axis concerns: a kind that exchanges something concerns two."""
+    """Return the joints that a fault of an axis concerns: a kind that exchanges something concerns two.
+
+    There are none for a fault of anything else, such as a sensor.
+    """
     robot = robot_of(case.robot)
-    place = robot.index[case.target]
+    place = robot.index.get(case.target)
+    if place is None:
+        return frozenset()
     other = round(case.values.get("by", 1.0)) if case.fault.endswith("_swapped") else 0
     return frozenset({robot.axes[place].name, robot.axes[place + other].name})
 

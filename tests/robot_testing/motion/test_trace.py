@@ -9,7 +9,7 @@ import pytest
 
 from rtf import clock
 from rtf.robot.extended_state import ExtendedState
-from rtf.robot_testing.motion.trace import Trace
+from rtf.robot_testing.motion.trace import Trace, wrong_stamps
 
 from ..part_bench import LocalTime, PartBench
 
@@ -59,10 +59,10 @@ def test_stamps_that_repeat_or_go_back_are_told():
     trace = Trace()
     for stamp in (1.0, 1.01, 1.01, 1.03):
         trace.add(stamp, ExtendedState(1))
-    assert trace.wrong_stamps == "1 of 4 states have time stamps that repeat or go back"
+    assert wrong_stamps(trace.time) == "1 of 4 states have time stamps that repeat or go back"
     trace.add(1.02, ExtendedState(1))
-    assert trace.wrong_stamps.startswith("2 of 5")
-    assert Trace().wrong_stamps == ""
+    assert wrong_stamps(trace.time).startswith("2 of 5")
+    assert wrong_stamps(Trace().time) == ""
 
 
 def test_a_reading_that_jumps_does_not_count_as_a_position():
