@@ -17,6 +17,7 @@ from rtf.robot.sensors.camera import FrameGrabberClient
 from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.judging.camera_turns import CameraTurns
+from rtf.robot_testing.judging.picture_defects import colourfulness, line_ratio, still_edges
 from rtf.robot_testing.judging.picture_sharpness import picture_sharpness
 from rtf.robot_testing.judging.picture_shift import shift_between
 from rtf.robot_testing.motion.start_position import bring
@@ -39,6 +40,10 @@ _REST = 0.3
 _SAME_WAY = 15.0
 #: Another camera explains a picture if it leaves at most this share of what the own one leaves.
 _BETTER = 0.3
+#: Where so many of the edges stay, per cent, the whole picture does, which is judged by its way.
+_ALL = 90.0
+#: The least colourfulness with which that of another camera is compared: of a scene with colours.
+_COLOURED = 0.05
 
 
 class _Look(NamedTuple):
@@ -81,6 +86,20 @@ class CameraMotion(StreamTest):
     sharpness = Parameter(
         float, "least sharpness of a camera, of another one that looks the same way; 0: any", unit="%", default=60.0,
         low=0.0, high=100.0,
+    )  # fmt: skip
+    # Healthy pictures have none; a dead column of 240 pixels that shows a third of its length has this share of 320.
+    still_edges = Parameter(
+        float, "greatest share of pixels with an edge that stays in its place while the camera turns; 100: any",
+        unit="%", default=0.1, low=0.0, high=100.0,
+    )  # fmt: skip
+    # Below 1 of any picture with edges that are longer than two lines; 1 of noise alone.
+    difference_of_lines = Parameter(
+        float, "greatest difference of neighbouring lines, of that of lines two apart; 0: any", default=1.2, low=0.0
+    )
+    # Exposure and white balance change it by less; a camera without colours has none.
+    colourfulness = Parameter(
+        float, "least colourfulness of a camera, of another one that looks the same way; 0: any", unit="%",
+        default=50.0, low=0.0, high=100.0,
     )  # fmt: skip
     # Phase correlation of unrelated pictures has peaks below a hundredth.
     least_peak = Parameter(float, "least peak of the correlation of two pictures", default=0.03, low=0.0, high=1.0)
@@ -125,17 +144,19 @@ class CameraMotion(StreamTest):
         for number, (part, joint) in enumerate(self.moved):
             self.progress(number / len(self.moved), part.names[joint])
             before, after = self._looks(part, joint)
-            looks.append(before)
+            looks += (before, after)
             expected = {name: focal[name] * (after.turns[name] - before.turns[name]) for name in self.ports}
             for name in self.ports:
                 shift = shift_between(before.pictures[name], after.pictures[name])
                 found[name].append((part.names[joint], shift, expected))
         for name, port in self.ports.items():
             with self.subresult(port):
+                self._judge_defects(port, [look.pictures[name] for look in looks])
                 self._judge(name, port, found[name])
         for one, other in self.turns.alike(_SAME_WAY):
             with self.subresult(f"{self.ports[one]} and {self.ports[other]}"):
                 self._compare_colours(one, other, looks[0].pictures)
+                self._compare_colourfulness(one, other, looks[0].pictures)
                 self._compare_sharpness(one, other, looks[0].pictures)
 
     @staticmethod
@@ -181,6 +202,19 @@ class CameraMotion(StreamTest):
 
     # Judging -----------------------------------------------------------------------------------------------------
 
+    def _judge_defects(self, port: str, pictures: list[NDArray[np.uint8]]) -> None:
+        """Judge what is wrong with the pictures whatever they show."""
+        still, ratio = still_edges(pictures), float(np.median([line_ratio(picture) for picture in pictures]))
+        if still.of_edges < _ALL:
+            hint = (
+                f"{port}: {still.of_pixels:.2f} % of its pixels have an edge that stays in its place while the camera "
+                f"turns; {likely_causes('camera still edges')}"
+            )
+            self.measure("edges that stand still", still.of_pixels, "%", high=self.still_edges, hint=hint)
+        if math.isfinite(ratio):
+            hint = f"{port}: neighbouring lines differ more than others; {likely_causes('camera lines')}"
+            self.measure("difference of lines", ratio, high=self.difference_of_lines or None, hint=hint)
+
     def _judge(self, name: str, port: str, found: list[tuple[str, Shift, dict[str, FloatArray]]]) -> None:
         seen = [(shift, expected) for _, shift, expected in found]
         measured = np.array([(shift.right, shift.down) for shift, _ in seen])
@@ -212,6 +246,20 @@ class CameraMotion(StreamTest):
             f"are {shown}; {likely_causes('camera colours')}"
         )
         self.measure("difference of the colours", float(apart.max()), "%", high=self.colours, hint=hint)
+
+    def _compare_colourfulness(self, one: str, other: str, pictures: dict[str, NDArray[np.uint8]]) -> None:
+        """Compare how colourful two cameras show the same scene."""
+        found = {name: colourfulness(pictures[name]) for name in (one, other)}
+        grey, coloured = sorted(found, key=found.__getitem__)
+        if found[coloured] < _COLOURED:
+            self.report("the scene has no colours that could be compared")
+            return
+        share = 100.0 * found[grey] / found[coloured]
+        hint = (
+            f"{self.ports[grey]} has {share:.0f} % of the colours of {self.ports[coloured]}, which sees the same "
+            f"scene; {likely_causes('camera grey')}"
+        )
+        self.measure("colourfulness", share, "%", low=self.colourfulness, hint=hint)
 
     def _compare_sharpness(self, one: str, other: str, pictures: dict[str, NDArray[np.uint8]]) -> None:
         """Compare the sharpness of two cameras that see the same scene."""

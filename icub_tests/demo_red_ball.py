@@ -327,9 +327,14 @@ class DemoRedBall(RobotTest):
         return np.array([as_float(latest.value.get(place)) for place in (5, 6, 7)]) / 1e3
 
     def _judge_reach(self, hand: str, found: _Reach) -> None:
+        status = self._request("status")
+        state, reason = as_string(status.get(1)), as_string(status.get(2))
+        self.check_fail_if_true(
+            state == "idle", f"{self.demo} has stopped everything: {reason}; {likely_causes('reach')}"
+        )
         if not found.times:
-            status = self._request("status")
-            self.assert_fail(f"the ball was not seen: {as_string(status.get(2))}; {likely_causes('eyes')}")
+            self.assert_true(state == "idle", f"the ball was not seen: {reason}; {likely_causes('eyes')}")
+            return
         gaze, reach = found.away("gaze"), found.away("hand")
         self.record("distances from the ball", t=(found.times, "s"), gaze=(gaze, "m"), hand=(reach, "m"))
         places = {

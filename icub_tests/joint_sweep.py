@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from rtf.robot.control_modes import ControlMode, mode_word
 from rtf.robot.extended_state import Field
 from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.joints_test import JointsTest
@@ -24,6 +25,8 @@ from rtf.testing import Parameter
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from numpy.typing import NDArray
 
     from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Trace
@@ -72,6 +75,9 @@ class JointSweep(JointsTest):
     The current of the joint's motor is compared with that of a winding at the same duty cycle and speed: its sensor may
     show nothing, noise, the wrong sign, scale or zero, the amplifier may be weak in one direction, the magnets may be.
     Without resistance and torque constant in robot.toml, a real motor has to have a current of the right sign only.
+
+    In all states of its sweep a joint has to be in position mode: a board that shows another one for a moment lets
+    clients believe that they have lost the joint.
     """
 
     aliases = ("jointSweep", "joint-sweep")
@@ -208,6 +214,7 @@ class JointSweep(JointsTest):
             why = f"{missing} of {len(finite)} states have no finite values" if missing else "its sweep is too short"
             self.assert_error_if_false(outcome.complaint, f"{name}: {why}; {likely_causes('frozen')}")
             return
+        self._judge_modes(name, own.modes[:, joint])
         self._end_if_another_motor(joint, own)
         if np.ptp(motors) < _LEAST:
             way = self.shown(float(np.ptp(joints)))
@@ -232,6 +239,13 @@ class JointSweep(JointsTest):
                 return
             self._judge_motor(name, joint, own)
             self._judge_viscous_friction(name, joint, own, sweep.moves)
+
+    def _judge_modes(self, name: str, modes: NDArray[np.int32]) -> None:
+        """Judge whether the board has shown another mode than that of the sweep, to whose end the joint went."""
+        others = modes[modes != ControlMode.POSITION]
+        shown = ", ".join(mode_word(int(mode)) for mode in np.unique(others))
+        hint = f"{name} was in {shown} in {len(others)} of {len(modes)} states; {likely_causes('mode for moments')}"
+        self.measure("states in another mode", len(others), "count", high=0, hint=hint)
 
     def _judge_encoders(self, name: str, time: FloatArray, joints: FloatArray, motors: FloatArray, near: Mask) -> bool:
         """Judge what the encoders disagree about over the range; return whether they agree."""
@@ -402,6 +416,7 @@ class _States(NamedTuple):
 
     ``motors`` are by all motors of a joint together, ``alone`` by its own motor and the encoders of other joints. Of
     motors: duty cycles (%), currents (A), NaN if the board does not measure them, and speeds of rotors (deg/s).
+    ``modes`` are the control modes of joints.
     """
 
     time: FloatArray
@@ -412,16 +427,26 @@ class _States(NamedTuple):
     duties: FloatArray
     currents: FloatArray
     speeds: FloatArray
+    modes: NDArray[np.int32]
 
     @classmethod
     def of(cls, trace: Trace, transmission: Transmission) -> _States:
         motors = transmission.joints(trace.motor_positions)
         alone = trace.positions + transmission.disagreement(trace.positions, trace.motor_positions)
         currents = trace.currents if trace.newest[1].valid[Field.CURRENTS] else np.full_like(motors, np.nan)
-        speeds = trace.motor_velocities
-        return cls(trace.time, trace.local_time, trace.positions, motors, alone, trace.duty_cycles, currents, speeds)
+        return cls(
+            time=trace.time,
+            local=trace.local_time,
+            joints=trace.positions,
+            motors=motors,
+            alone=alone,
+            duties=trace.duty_cycles,
+            currents=currents,
+            speeds=trace.motor_velocities,
+            modes=trace.control_modes,
+        )
 
     def between(self, begin: float, end: float) -> _States:
         """Return the states of a time by the test's clock."""
         rows = (self.local >= begin) & (self.local <= end)
-        return _States(*(column[rows] for column in self))
+        return _States(**{name: column[rows] for name, column in self._asdict().items()})

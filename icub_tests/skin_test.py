@@ -25,7 +25,7 @@ _NAMED = 10  # taxels that a text names
 
 
 class SkinTest(RateTest):
-    """Checks every taxel of the skin at rest: its range, whether it is pressed, and whether its reading changes.
+    """Checks every taxel of the skin at rest: its range, whether it is pressed, and how its reading changes.
 
     Nothing may touch the skin meanwhile. Readings are whole numbers from 0 to 255, about 240 at rest, and fall with
     the pressure; their noise changes them by a count now and then. A patch with triangles that are not mounted needs
@@ -47,6 +47,12 @@ class SkinTest(RateTest):
     )
     max_dead = Parameter(int, "taxels of a patch whose reading may stay the same", unit="count", default=0, low=0)
     max_pressed = Parameter(int, "taxels of a patch that may be below least_rest", unit="count", default=0, low=0)
+
+    # The reading of a healthy taxel changes by a count or two.
+    noise = Parameter(
+        float, "greatest standard deviation of the reading of a taxel that nothing touches", unit="count", default=5.0,
+        low=0.0,
+    )  # fmt: skip
 
     def setup(self) -> None:
         """Find the patches."""
@@ -116,12 +122,35 @@ class SkinTest(RateTest):
             )
         hint = f"{_texts(constant)} of {name}: the reading does not change; {likely_causes('taxel')}"
         self.measure("dead taxels", int(constant.sum()), "count", high=self.max_dead, hint=hint)
+        if len(readings) < _FEWEST:
+            return
+        noise = readings.std(axis=0)
+        hint = f"{_texts(noise > self.noise)} of {name}: the reading is noisy; {likely_causes('taxel noise')}"
+        self.measure("greatest noise", float(noise.max()), "count", high=self.noise, hint=hint)
+        for first, second in _equal_triangles(readings):
+            self.check_fail_if_true(
+                True,
+                f"{name}: triangles {first} and {second} have shown the same {len(readings)} times; "
+                f"{likely_causes('triangles alike')}",
+            )
 
 
 def _is_patch(name: str, begin: str) -> bool:
     """Return whether a port streams raw readings; the ports below it answer requests."""
     rest = name.removeprefix(begin)
     return "/" not in rest and not rest.endswith(_COMPENSATED)
+
+
+def _equal_triangles(readings: FloatArray) -> list[tuple[int, int]]:
+    """Return the triangles whose readings change and are always those of an earlier one, each after that one."""
+    seen: dict[bytes, int] = {}
+    found: list[tuple[int, int]] = []
+    for number in range(readings.shape[1] // _TRIANGLE):
+        own = readings[:, number * _TRIANGLE : (number + 1) * _TRIANGLE]
+        if np.ptp(own, axis=0).any():
+            first = seen.setdefault(own.tobytes(), number)
+            found += [(first, number)] if first != number else []
+    return found
 
 
 def _texts(which: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> str:

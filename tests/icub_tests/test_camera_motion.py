@@ -11,6 +11,9 @@ CASES = {
     "swapped": ("cameras_swapped left", "/icubSim/cam/left shows what /icubSim/cam/right should"),
     "zoom": ("camera_zoom right factor=1.3", "/icubSim/cam/right: its pictures move by 1"),
     "colours": ("camera_colours left", "see the same scene and show other colours: red, green and blue are"),
+    "grey": ("camera_grey right", "/icubSim/cam/right has 0 % of the colours of /icubSim/cam/left"),
+    "column": ("camera_dead_columns left", "/icubSim/cam/left: 0.6"),
+    "lines": ("camera_lines right", "/icubSim/cam/right: neighbouring lines differ more than others"),
     "blur": ("camera_blur right", "% of the sharpness of /icubSim/cam/left, which sees the same scene"),
     "jam": ("jam eyes_version", "eyes_version does not move"),
     "frozen": ("camera_frozen left", "pictures of /icubSim/cam/left do not move"),
@@ -39,6 +42,9 @@ def test_healthy_pictures_move_as_the_field_of_view_says(outcome, measured):
     (apart,) = measured(outcome, "healthy", "difference of the colours")
     assert (apart.subject, apart.value < 3.0) == ("/icubSim/cam/left and /icubSim/cam/right", True)
     assert measured(outcome, "healthy", "sharpness")[0].value > 85.0
+    assert measured(outcome, "healthy", "colourfulness")[0].value > 90.0
+    assert [one.value for one in measured(outcome, "healthy", "edges that stand still")] == [0.0, 0.0]
+    assert max(one.value for one in measured(outcome, "healthy", "difference of lines")) < 0.9
     assert all(one.value == pytest.approx(100.0, abs=12.0) for one in ways)
     for joint in ("eyes_tilt", "eyes_version", "eyes_vergence"):
         assert measured(outcome, "healthy", f"expected with {joint}")[0].value > 8.0

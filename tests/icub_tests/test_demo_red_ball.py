@@ -17,6 +17,7 @@ CASES = {
     "healthy": ("", ""),
     "swapped": ("cameras_swapped left", "/icubSim/cam/left and /icubSim/cam/right show what the other one should"),
     "frozen": ("camera_frozen right", "pictures of /icubSim/cam/right do not move with the ball"),
+    "overcurrent": ("motor_overcurrent l_elbow", "/demoRedBall has stopped everything: "),
 }
 HEAD = """<suite name="s">
 <fixture name="names"> yarpserver </fixture>
@@ -55,7 +56,7 @@ def test_a_healthy_robot_sees_looks_reaches_and_goes_home(outcome: Outcome, meas
 
 
 @pytest.mark.parametrize("name", [name for name, (fault, _) in CASES.items() if fault])
-def test_each_fault_is_found_at_its_eye(outcome: Outcome, name: str):
-    """Before anything moves."""
+def test_each_fault_is_found_where_it_is(outcome: Outcome, name: str):
+    """At its eye, before anything moves; or by what the demonstration says when a joint stops it."""
     assert outcome.verdict(name) is Verdict.FAILED
     assert CASES[name][1] in outcome.detail(name)

@@ -10,6 +10,8 @@ CASES = {
     "healthy": "",
     "forearm": "taxel_dead left_forearm place=1",
     "hand": "taxel_dead right_hand",
+    "noisy": "skin_noise left_forearm",
+    "repeated": "skin_repeated right_hand",
     "slow": "wrong_rate /icubSim/skin/left_hand",
     "elsewhere": "ft_noise left_arm",
 }
@@ -52,6 +54,14 @@ def test_a_dead_taxel_is_found_and_named(outcome, measured, name, taxel):
     dead = [one for one in measured(outcome, name, "dead taxels") if one.verdict is MeasurementVerdict.FAILED]
     assert [one.value for one in dead] == [1]
     assert f"{taxel} of /icubSim/skin/" in outcome.detail(name)
+
+
+def test_noise_and_triangles_that_are_alike_are_found(outcome):
+    """Both are named."""
+    assert outcome.verdict("noisy") is Verdict.FAILED
+    assert "of /icubSim/skin/left_forearm: the reading is noisy" in outcome.detail("noisy")
+    assert outcome.verdict("repeated") is Verdict.FAILED
+    assert "/icubSim/skin/right_hand: triangles 7 and 8 have shown the same" in outcome.detail("repeated")
 
 
 def test_the_rate_is_judged(outcome):

@@ -356,7 +356,7 @@ def test_a_joint_that_is_shaken_while_another_moves_disturbs_it(made: Callable[.
     test, time = made("JointSweep"), np.arange(0.0, 4.0, 0.01)
     noise = np.random.default_rng(1).standard_normal((len(time), 3)) * jumps
     empty = np.zeros((len(time), 3))
-    test._states = sys.modules[type(test).__module__]._States(time, time, *[empty] * 3, noise, *[empty] * 2)
+    test._states = sys.modules[type(test).__module__]._States(time, time, *[empty] * 3, noise, *[empty] * 3)
     test._sweeps = {
         one: SimpleNamespace(moves=((0.0, 2.0), (2.0, 4.0)) if one in swept else ((4.0, 5.0),)) for one in range(3)
     }

@@ -110,7 +110,8 @@ def test_the_motor_encoder_of_a_neighbour_is_no_fault_of_a_joint(wrong: int | No
     zeros = np.zeros_like(positions)
     trace = SimpleNamespace(
         time=time, local_time=time, positions=positions, motor_positions=turns, motor_velocities=zeros,
-        duty_cycles=zeros, currents=zeros, newest=(0.0, SimpleNamespace(valid=np.ones(32, dtype=bool))),
+        duty_cycles=zeros, currents=zeros, control_modes=zeros,
+        newest=(0.0, SimpleNamespace(valid=np.ones(32, dtype=bool))),
     )  # fmt: skip
     test = kept_test("JointSweep", transmission=coupled, robot_part=SimpleNamespace(names=["roll", "pitch"]))
     test._sweeps = {0: None, 1: None}

@@ -707,6 +707,17 @@ def shows_old_modes(bench: Bench) -> None:
     assert bench.arm.control_modes([3]) == (ControlMode.VELOCITY,)
 
 
+def shows_idle_for_moments(bench: Bench) -> None:
+    """One state of about forty, while the board controls the position."""
+    shown = []
+    for _ in range(2000):
+        bench.run(0.01)
+        shown.append(bench.arm.control_modes([3])[0])
+        assert bench.boards.mode[ELBOW] == ControlMode.POSITION
+    assert {*shown} == {ControlMode.POSITION, ControlMode.IDLE}
+    assert 10 <= shown.count(ControlMode.IDLE) <= 120
+
+
 def goes_beyond(bench: Bench) -> None:
     """It carries a command out that ends beyond the limit that it tells."""
     healthy = Bench()
@@ -940,6 +951,28 @@ def camera_is_blurred(bench: Bench) -> None:
     assert (show(np.full((40, 60, 3), 77, np.uint8), 0.0) == 77).all()
 
 
+def camera_is_grey(bench: Bench) -> None:
+    """Each pixel has the mean of its colours."""
+    show = shown_by_the_left_camera(bench)
+    assert (show(np.tile(np.array([10, 20, 60], np.uint8), (4, 6, 1)), 0.0) == 30).all()
+
+
+def camera_has_a_dead_column(bench: Bench) -> None:
+    """One is black, at four tenths of the width, and the picture that was given stays."""
+    show = shown_by_the_left_camera(bench)
+    pixels = np.full((4, 11, 3), 99, np.uint8)
+    assert np.flatnonzero((show(pixels, 0.0) == 0).all(axis=(0, 2))).tolist() == [4]
+    assert (pixels == 99).all()
+
+
+def camera_has_displaced_lines(bench: Bench) -> None:
+    """A column that was straight is in two places, five pixels apart."""
+    show = shown_by_the_left_camera(bench)
+    pixels = np.zeros((6, 20, 3), np.uint8)
+    pixels[:, 3] = 255
+    assert show(pixels, 0.0)[:, :, 0].argmax(axis=1).tolist() == [3, 8, 3, 8, 3, 8]
+
+
 def camera_is_zoomed(bench: Bench) -> None:
     """A picture as large as before, in which things are 1.3 times as far from the middle."""
     show = shown_by_the_left_camera(bench)
@@ -977,6 +1010,29 @@ def taxel_dies(bench: Bench) -> None:
     changes = np.ptp(readings, axis=0)
     assert changes[96] == 0.0
     assert np.delete(changes, 96).min() > 0.0
+
+
+def skin_readings(bench: Bench) -> np.ndarray:
+    """The readings of the skin of the left hand for a second."""
+    readings = []
+    for _ in range(50):
+        bench.run(0.02)
+        readings.append(bench.skin["left_hand"].read().values.copy())
+    return np.array(readings)
+
+
+def skin_is_noisy(bench: Bench) -> None:
+    """Whole numbers that deviate by ten counts."""
+    readings = skin_readings(bench)
+    assert (readings == np.rint(readings)).all()
+    assert readings.std(axis=0).mean() == pytest.approx(10.0, abs=3.0)
+
+
+def skin_repeats_a_triangle(bench: Bench) -> None:
+    """One in the middle of the patch shows what the one before it does; the others do not."""
+    triangles = np.moveaxis(skin_readings(bench).reshape(50, -1, 12), 1, 0)
+    alike = [number for number in range(1, 16) if (triangles[number] == triangles[number - 1]).all()]
+    assert alike == [8]
 
 
 def depths(bench: Bench, depth: np.ndarray) -> np.ndarray:
@@ -1095,6 +1151,7 @@ SHOWS: dict[str, Callable[[Bench], None]] = {
     "mode_ignored": ignores_modes,
     "wrong_mode": takes_another_mode,
     "mode_stale": shows_old_modes,
+    "mode_flickers": shows_idle_for_moments,
     "limits_ignored": goes_beyond,
     "wrong_speed": is_twice_as_fast,
     "wrong_gear_ratio": tells_another_gearbox,
@@ -1123,10 +1180,15 @@ SHOWS: dict[str, Callable[[Bench], None]] = {
     "camera_noise": camera_is_noisy,
     "camera_exposure": camera_is_dark,
     "camera_colours": camera_has_exchanged_colours,
+    "camera_grey": camera_is_grey,
     "camera_blur": camera_is_blurred,
+    "camera_dead_columns": camera_has_a_dead_column,
+    "camera_lines": camera_has_displaced_lines,
     "battery_weak": battery_is_weak,
     "battery_frozen": battery_freezes,
     "taxel_dead": taxel_dies,
+    "skin_noise": skin_is_noisy,
+    "skin_repeated": skin_repeats_a_triangle,
     "depth_frozen": depth_freezes,
     "depth_scale": depth_is_scaled,
     "latency": is_late,

@@ -106,7 +106,19 @@ _CAUSES: dict[str, tuple[str, ...]] = {
         "a board that was reset",
     ),
     "camera noise": ("a gain that is too high", "too little light", "a disturbed cable"),
-    "camera blurred": ("a lens that is out of focus, or dirty", "a damaged lens"),
+    "camera blurred": (
+        "a lens that is out of focus, or dirty",
+        "a damaged lens",
+        "pixels or lines of the other one that are wrong",
+    ),
+    "camera still edges": (
+        "columns, lines or pixels of the sensor that are dead",
+        "dirt on the sensor or the lens, or a crack",
+        "something before the lens that turns with the camera",
+        "strong noise",
+    ),
+    "camera lines": ("a picture of two half pictures of different moments", "lost or displaced lines", "strong noise"),
+    "camera grey": ("a driver that sends no colours", "a filter of the lens", "a wrong setting of the white balance"),
     "camera colours": (
         "exchanged red and blue in a driver",
         "another exposure or white balance of one of them",
@@ -115,6 +127,11 @@ _CAUSES: dict[str, tuple[str, ...]] = {
     "camera size": ("a wrong size in the configuration of the driver",),
     "orientation": ("an IMU mounted in another orientation", "a wrong frame in the model"),
     "mode late": ("a board that reads its modes in a slow loop", "a server that repeats an old state", "a loaded bus"),
+    "mode for moments": (
+        "a board that loses the joint for moments",
+        "a bus on which states are lost or mixed up",
+        "another program that commands the joint",
+    ),
     "mode": ("firmware that breaks the rules of the control modes",),
     "sensor frozen": ("a loose cable of the sensor", "a sensor that has stopped", "a driver that repeats a value"),
     "taxel": (
@@ -123,6 +140,8 @@ _CAUSES: dict[str, tuple[str, ...]] = {
         "a board that repeats it",
     ),
     "taxel pressed": ("something that touches the skin", "a cover that presses on it", "a damaged layer of the skin"),
+    "taxel noise": ("a loose ground of the patch", "a disturbed cable", "a chip with wrong settings"),
+    "triangles alike": ("two triangles with the same address", "a board that repeats a triangle"),
     "skin size": ("a wrong number of triangles in the configuration", "a wrong number in robot.toml"),
     "depth frozen": ("a depth sensor that has stopped", "a driver that repeats its last depth"),
     "depth scale": (

@@ -104,9 +104,12 @@ class JointSwinger:
     def _blamed(self, found: Collection[Evidence], suspects: Collection[int]) -> set[int]:
         """Keep evidence; return the joints that it accuses with certainty, else the suspects.
 
-        Joints that are excluded already do no more harm: then it is the suspects, too.
+        Joints that are excluded already do no more harm: then it is the suspects, too. They are limp, and shake the
+        others: what is uncertain is no evidence then.
         """
-        self.evidence += [one for one in found if one not in self.evidence]
+        limp = self.part.guard is not None and bool(self.part.guard.excluded)
+        kept = [one for one in found if one.strength > Strength.UNCERTAIN or not limp]
+        self.evidence += [one for one in kept if one not in self.evidence]
         wrong = {joint for one in found if one.strength > Strength.UNCERTAIN for joint in one.joints}
         return wrong if any(not self.lost(joint) for joint in wrong) else {*suspects}
 

@@ -57,11 +57,11 @@ def judge(case: Case, result: TestResult | None) -> JudgedCase:
     if result is None or result.verdict is None:
         return JudgedCase(case, Judgement.NOT_TESTED, "", "it was not run", 0.0)
     verdict = result.verdict
-    failures = [f"{problem.subject}: {problem.detail}" for problem in result.problems]
-    sentence = failures[0] if failures else ""
     last = result.last
-    if not sentence and last is not None:
-        sentence = last.detail
+    sentence = "" if last is None else last.detail
+    if result.problems:
+        first = result.problems[0]
+        sentence = f"{first.subject}: {first.detail}" if first.subject else first.detail
     return JudgedCase(case, _judgement(case, verdict, result.problems), str(verdict), sentence, result.duration)
 
 

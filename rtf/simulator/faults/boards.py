@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from rtf.robot.control_modes import REQUESTS, ControlMode
 from rtf.simulator.faults.base import AxisFault, Layer, Parameter
+from rtf.simulator.faults.moments import RandomMoments
 
 if TYPE_CHECKING:
     import numpy as np
@@ -166,6 +167,32 @@ class ModeStale(AxisFault):
         shown[self.axis] = known[0][1]
 
 
+class ModeFlickers(AxisFault):
+    """Wrong control modes for moments."""
+
+    kind = "mode_flickers"
+    layer = Layer.BOARD
+    description = "For moments the board says that the joint is idle, although it controls it."
+    symptom = "In some states the mode is another one; clients take the joint for lost, and give up."
+    parameters = (
+        Parameter("length", 0.05, "s", "of a moment", 0.0, 60.0),
+        Parameter("rate", 0.5, "1/s", "mean number of moments while the mode is right", 1e-3, 1e3),
+    )
+    length: float
+    rate: float
+
+    def begin(self) -> None:
+        self._moments = RandomMoments(self.own_random(self.axis), self.rate, self.length, self.simulation.now)
+        self.boards.shown_mode_faults.append(self._show)
+
+    def end(self) -> None:
+        self.boards.shown_mode_faults.remove(self._show)
+
+    def _show(self, shown: NDArray[np.int32], now: float) -> None:
+        if self._moments.holds(now):
+            shown[self.axis] = int(ControlMode.IDLE)
+
+
 class _WrongNumber(AxisFault):
     """A wrong number in the configuration of a board."""
 
@@ -321,6 +348,7 @@ KINDS = (
     ModeIgnored,
     WrongMode,
     ModeStale,
+    ModeFlickers,
     LimitsIgnored,
     WrongSpeed,
     WrongGearRatio,

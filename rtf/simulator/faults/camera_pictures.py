@@ -1,4 +1,4 @@
-"""Faults of cameras that change their pictures: noise, exposure, the order of the colours, and blur."""
+"""Faults of cameras that change their pictures: noise, exposure, colours, blur, and wrong columns and lines."""
 
 from __future__ import annotations
 
@@ -77,4 +77,54 @@ class CameraBlur(CameraFault):
         return np.array(Image.fromarray(pixels).filter(ImageFilter.GaussianBlur(self.deviation)))
 
 
-KINDS = (CameraNoise, CameraExposure, CameraColours, CameraBlur)
+class CameraGrey(CameraFault):
+    """Pictures of a camera without colours."""
+
+    kind = "camera_grey"
+    description = "The camera sends grey pictures: its driver has lost the colours."
+    symptom = "Another camera that sees the same scene shows colours."
+
+    def show(self, pixels: NDArray[np.uint8], now: float) -> NDArray[np.uint8]:
+        del now
+        grey = np.rint(pixels.mean(axis=2, keepdims=True)).astype(np.uint8)
+        return np.repeat(grey, pixels.shape[2], axis=2)
+
+
+class CameraDeadColumns(CameraFault):
+    """Dead columns of a camera."""
+
+    kind = "camera_dead_columns"
+    description = "Columns of the camera's sensor are dead."
+    symptom = "They are black in every picture, whatever the camera sees."
+    parameters = (
+        Parameter("count", 1.0, "", "how many, side by side", 0.0, 1e4),
+        Parameter("place", 0.4, "", "where the first one is: 0 at the left, 1 at the right", 0.0, 1.0),
+    )
+    count: float
+    place: float
+
+    def show(self, pixels: NDArray[np.uint8], now: float) -> NDArray[np.uint8]:
+        del now
+        first = round(self.place * (pixels.shape[1] - 1))
+        shown = pixels.copy()
+        shown[:, first : first + round(self.count)] = 0
+        return shown
+
+
+class CameraLines(CameraFault):
+    """Displaced lines of a camera."""
+
+    kind = "camera_lines"
+    description = "Every other line of the camera is displaced: two half pictures do not fit."
+    symptom = "Edges look like combs."
+    parameters = (Parameter("shift", 5.0, "px", "of every other line, to the right", 0.0, 1e4),)
+    shift: float
+
+    def show(self, pixels: NDArray[np.uint8], now: float) -> NDArray[np.uint8]:
+        del now
+        shown = pixels.copy()
+        shown[1::2] = np.roll(shown[1::2], round(self.shift), axis=1)
+        return shown
+
+
+KINDS = (CameraNoise, CameraExposure, CameraColours, CameraGrey, CameraBlur, CameraDeadColumns, CameraLines)

@@ -296,6 +296,6 @@ class TestInterfaceFiles:
         reader = net.opened("/reader", "read", "/reader", "once", "--idl", f"{file}:Place")
         with Port("/writer", network=network, inputs=False) as writer:
             writer.add_output("/reader")
-            writer.write(place)
+            assert writer.write(place) == 1
         reader.until_printed("Place(x=1.5, name='here')")
         assert reader.wait() == 0

@@ -78,6 +78,27 @@ def test_a_suspended_process_fails_no_joint(bench: Bench):
     assert not bench.guard.is_excluded(1)
 
 
+def test_what_a_limp_joint_shakes_does_not_fail(bench: Bench):
+    """A joint that was stopped after another one had been left without power: that one explains it."""
+    outcomes = {}
+
+    def routine(joint: int) -> Routine[None]:
+        outcomes[joint] = yield from bench.swinger.swinging(joint, Ends(-10.0, 30.0), 1, 10.0)
+
+    bench.device.speeds = {0: 100.0}
+    run_queues(bench.part, [[[1]]], routine, pace=0.02)
+    bench.device.speeds = {1: 100.0}
+    run_queues(bench.part, [[[2]]], routine, pace=0.02)
+    assert bench.guard.is_excluded(1)
+    verdict = bench.swinger.verdict(1, outcomes[1])
+    assert verdict is not None
+    assert not verdict.failed
+    assert "joint0" in verdict.text
+    first = bench.swinger.verdict(0, bench.swinger.go([0.0], [0], [20.0])[0])
+    assert first is not None
+    assert first.failed
+
+
 def test_an_undetected_motion_excludes_the_coupled_joints(bench: Bench):
     """The joint fails; the coupled joint is excluded without a verdict; the others go on."""
     bench.device.shown = {2: 0.0}
