@@ -9,6 +9,8 @@ from rtf.testing import Parameter
 
 #: In front of the robot, a hand's width to the side of the arm: m, of the left arm.
 _TARGET = (-0.4, -0.1, 0.0)
+#: When the way back is stopped, in trajectory times.
+_STOPPED = 0.4
 #: Tolerance of a joint that the controller has to hold, deg.
 _HELD = 1.0
 
@@ -16,9 +18,10 @@ _HELD = 1.0
 class CartesianControlSimpleP2pMovement(CartesianTest):
     """Leads a hand by its Cartesian controller to a position with the torso, and back to its pose without.
 
-    Both reaches are judged by the controller's word, and by the encoders with the kinematics of the robot: what is left
-    to the target, the duration, the speed, the delay of the poses, and limits. The limits of the controller have to be
-    those of the boards, and the torso has to keep to those that it is given for the way back.
+    On the way back it is stopped, and goes on. Both reaches are judged by the controller's word, and by the encoders
+    with the kinematics of the robot: what is left to the target, the duration, the speed, the delay of the poses, and
+    limits. The limits of the controller have to be those of the boards, and the torso has to keep to those that it is
+    given for the way back.
     """
 
     aliases = ("CartesianControlSimpleP2pMovementTest", "cartesian-control-simple-p2p-movement")
@@ -41,6 +44,12 @@ class CartesianControlSimpleP2pMovement(CartesianTest):
         self.progress(0.1, "to the position")
         self.reach("to the position", target)
         torso = self.hold_torso()
+        self.progress(0.5, "stopped")
+        self.judge_controller_stop(
+            lambda: self.control.go_to(self.starting_pose, self.time),
+            lambda: self.control.desired().joints,
+            _STOPPED * self.time,
+        )
         self.progress(0.6, "back to the pose")
         self.reach("back to the pose", self.starting_pose)
         here = self.limb.positions()

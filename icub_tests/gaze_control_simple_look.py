@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rtf.robot.interfaces import FixationPoint
 from rtf.robot_testing.gaze_test import GazeTest
 from rtf.testing import Parameter
 
@@ -11,9 +12,9 @@ _SIZE = 3
 class GazeControlSimpleLook(GazeTest):
     """Leads the eyes by their gaze controller to points in front of the robot, and back to where they looked.
 
-    Each motion is judged by the controller's word, and by the encoders with the kinematics of the robot: the angle
-    between eyes and point, the duration, joints that do not follow, encoders that disagree. The ranges of the neck have
-    to be the limits of its board.
+    The way back is stopped, and goes on. Each motion is judged by the controller's word, and by the encoders with the
+    kinematics of the robot: the angle between eyes and point, the duration, joints that do not follow, encoders that
+    disagree. The ranges of the neck have to be the limits of its board.
     """
 
     aliases = ("GazeControlSimpleLookTest", "gaze-control-simple-look")
@@ -25,6 +26,9 @@ class GazeControlSimpleLook(GazeTest):
         unit="m",
         default=[-0.4, 0.15, 0.45, -0.4, -0.15, 0.25],
     )
+
+    # Between the eyes, which are there in 0.15 s, and the neck, which takes a second.
+    stopped = Parameter(float, "when the motion back is stopped, before it goes on", unit="s", default=0.2, low=0.0)
 
     def parameter_problems(self) -> list[str]:
         problems = super().parameter_problems()
@@ -40,5 +44,8 @@ class GazeControlSimpleLook(GazeTest):
         for number, point in enumerate(points, 1):
             self.progress(number / (len(points) + 2), f"to point {number}")
             self.look(f"to point {number}", point)
+        self.judge_controller_stop(
+            lambda: self.control.look_at(FixationPoint(self.starting_point)), self.control.desired, self.stopped
+        )
         self.progress(0.9, "back")
         self.look("back", self.starting_point)

@@ -243,7 +243,7 @@ class TorqueControlConsistency(RobotTest):
                 self.inconclusive(f"{seen}; but {cause}")
             known = weak_motor(joint, motors)
         hint = f"{seen}; {known or likely_causes('torque answer')}"
-        self.measure(f"measured minus told, {what}", measured - told, "Nm", -self.answer, self.answer, hint=hint)
+        self.measure(f"measured minus commanded, {what}", measured - told, "Nm", -self.answer, self.answer, hint=hint)
 
 
 class _Answer(NamedTuple):

@@ -38,7 +38,7 @@ _FIRST_POSE, _LATEST_POSE = 0.1, 5.0
 #: Time at rest after a reach before it is judged, s: the joints have caught up with their last command.
 _REST = 0.4
 #: The least duration of a reach, in trajectory times: shorter, and it has not kept to its time.
-_SHORTEST = 0.5
+_SHORTEST = 0.75
 #: Modes of joints that another program moves, or that are being calibrated.
 _OTHER_MODES = frozenset({"pos", "vel", "torq", "ipwm", "icur", "cal"})
 #: Limits that are the same, deg: those of a board may be rounded.
@@ -190,8 +190,11 @@ class CartesianTest(TaskTest[ICartesianControl]):
                 f"{', '.join(taken)} left the mode of {self.remote}, or never entered it: another program or a "
                 "calibration has taken it, or its board ignores requests for modes",
             )
+        late = self._late(found)
+        if done:
+            self.judge_word(late, found.motion.time, found.motion.joints, found.solution.joints)
         self.judge_encoders(
-            self._late(found),
+            late,
             traces,
             "" if done else f"{self.remote} has not reached its target in {self.timeout:g} s",
             "all joints are where its solution has them",

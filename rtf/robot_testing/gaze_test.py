@@ -143,6 +143,10 @@ class GazeTest(TaskTest[IGazeControl]):
         self.record("error", time=(found.times, "s"), angle=(errors, "deg"))
         hint = f"the eyes do not look at the point; {likely_causes('gaze')}"
         self.measure("eyes from the point", float(errors[-1]), "deg", high=self.tolerance, hint=hint)
+        if math.isfinite(found.done):
+            left = float(errors[min(int(np.searchsorted(found.times, found.done)), len(errors) - 1)])
+            hint = f"{self.remote} says too early that its motion is done; {likely_causes('not in target')}"
+            self.measure("eyes from the point when it was done", left, "deg", high=2.0 * self.tolerance, hint=hint)
         hint = f"the motion was done after {found.done:.2f} s; {likely_causes('reach time')}"
         most = self.latest if not self.busy() else None
         self.measure("duration", found.done, "s", high=most, hint=hint)
@@ -167,10 +171,13 @@ class GazeTest(TaskTest[IGazeControl]):
     def _judge_encoders(self, found: Look, traces: list[tuple[Part, Trace]]) -> None:
         """Judge the encoders after a motion."""
         done = math.isfinite(found.done)
-        if not done:
+        late = self._late(found)
+        if done:
+            self.judge_word(late, found.times, found.joints[:, -len(found.wanted) :], found.wanted)
+        else:
             self.stop_controller()
         self.judge_encoders(
-            self._late(found),
+            late,
             traces,
             "" if done else f"{self.remote} does not look at its point within {self.timeout:g} s",
             "all joints are where it wants them",

@@ -5,6 +5,8 @@ from __future__ import annotations
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Generic, TypeVar
 
+import numpy as np
+
 from rtf.bottle import Property, as_list, as_string
 from rtf.middleware.clocks.network_clock import LockstepClock
 from rtf.robot.device import make_device
@@ -14,18 +16,26 @@ from rtf.robot_testing.guard.safety import Safety
 from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.judging.blame import Evidence
 from rtf.robot_testing.judging.failure_causes import likely_causes
-from rtf.robot_testing.motion.limb import encoder_disagreement
+from rtf.robot_testing.motion.limb import LimbGuardError, encoder_disagreement
+from rtf.robot_testing.motion.part import PACE
 from rtf.robot_testing.motion.start_position import late_evidence
 from rtf.robot_testing.robot_test import RobotTest
+from rtf.testing import Parameter
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from rtf.robot.device import Device
+    from rtf.robot.interfaces import FloatArray
     from rtf.robot_testing import Part, Trace
     from rtf.robot_testing.motion.limb import JointGroup
 
 C = TypeVar("C", bound=ITaskControl)
+
+#: Time in which joints come to rest after a stop, s, and the least way that is left to all of them then, deg.
+_RESTS, _FAR = 1.0, 3.0
+#: A joint still goes on if it has come nearer by this, deg, in the last s of a motion.
+_NEARER, _LAST = 0.5, 0.2
 
 
 class TaskTest(RobotTest, Generic[C]):
@@ -35,6 +45,12 @@ class TaskTest(RobotTest, Generic[C]):
     """
 
     safety = Safety.MOTION
+
+    # Joints of a healthy robot go on by a tenth.
+    after_stop = Parameter(
+        float, "greatest share of their way that joints still go after a stop of the controller", unit="%",
+        default=30.0, low=0.1,
+    )  # fmt: skip
 
     control: C
     limb: JointGroup
@@ -104,6 +120,59 @@ class TaskTest(RobotTest, Generic[C]):
                 self.judge_evidence(part, joint, complaint, [*evidence, *(late_evidence(part, wrong) if wrong else [])])
         self.assert_fail_if_true(
             unfinished, f"{unfinished}{': ' + '; '.join(late.values()) if late else f'; {arrived}'}"
+        )
+
+    def judge_controller_stop(
+        self, begin: Callable[[], None], wanted: Callable[[], FloatArray], seconds: float
+    ) -> None:
+        """Begin a motion, stop it after some seconds, and judge how much of their way the joints still go.
+
+        ``wanted`` returns where the controller wants the last joints of the limb to be (deg).
+        """
+        try:
+            with self.asking():
+                begin()
+                self._watch_for(seconds)
+                target = wanted()
+                here = self.limb.positions()[-len(target) :]
+                self.control.stop()
+            self._watch_for(_RESTS)
+        except LimbGuardError as error:
+            self.stop_controller()
+            self.blame(error.part, error, "does not move", during=f"a motion that {self.remote} was to stop")
+        left, gone = target - here, self.limb.positions()[-len(target) :] - here
+        way = float(np.linalg.norm(left))
+        with self.subresult("stopped"):
+            if way < _FAR:
+                self.report(f"the stop of {self.remote} is not judged: it had arrived already")
+                return
+            share = 100.0 * float(np.linalg.norm(gone)) / way
+            hint = f"{self.remote} goes on after it was stopped; {likely_causes('controller stop')}"
+            self.measure("way after a stop", share, "%", high=self.after_stop, hint=hint)
+
+    def _watch_for(self, seconds: float) -> None:
+        """Let time pass while the guards watch. Raises LimbGuardError."""
+        end = self.now() + seconds
+        while self.now() < end:
+            self.sleep(PACE)
+            self.limb.watch()
+
+    def judge_word(
+        self, late: dict[tuple[str, int], str], times: FloatArray, joints: FloatArray, wanted: FloatArray
+    ) -> None:
+        """Fail the controller, which says that its motion is done, if all joints that are ``late`` still go on.
+
+        ``joints`` (samples, joints) are the last joints of the limb, at ``times`` (s), and ``wanted`` where the
+        controller wants them to be, both in deg.
+        """
+        recent = joints[times >= times[-1] - _LAST]
+        nearer = np.abs(recent[0] - wanted) - np.abs(recent[-1] - wanted)
+        places = self.limb.places[len(self.limb.places) - len(wanted) :]
+        going = {(part.name, number) for (part, number), way in zip(places, nearer, strict=True) if way > _NEARER}
+        self.assert_fail_if_true(
+            late and late.keys() <= going,
+            f"{self.remote} says that its motion is done, and its joints still move: {'; '.join(late.values())}; "
+            f"{likely_causes('not in target')}",
         )
 
     @contextmanager

@@ -24,6 +24,9 @@ CASES = {
     "frame": (P2P, {"inject": f"controller_frame {LEFT} shift=20"}),
     "late": (TOLERANCE, {"inject": f"latency {LEFT}/state:o delay=0.08"}),
     "limit": (P2P, {"inject": "wrong_upper_limit l_elbow"}),
+    "stop": (P2P, {"inject": f"controller_stop_ignored {LEFT}"}),
+    "early": (P2P, {"inject": f"controller_early {LEFT}"}),
+    "quick": (P2P, {"inject": f"controller_quick {LEFT}"}),
     "foreign": (P2P, {"controller": "/icubSim/cartesianController/left_hand"}),
 }
 HEAD = """<suite name="s">
@@ -58,6 +61,25 @@ def test_a_healthy_arm_reaches_its_targets(outcome: Outcome, measured, name: str
     assert all(one.value < 0.02 for one in measured(outcome, name, "delay of the poses"))
     pictures = [one for one in outcome.of(Attached) if one.test.endswith(f"/{name}")]
     assert [one.media_type for one in pictures] == ["image/png"] * 2
+
+
+def test_a_stop_is_obeyed(outcome: Outcome, measured):
+    """By a healthy controller within a tenth of the way that is left; one that goes on fails, and is there already."""
+    (way,) = measured(outcome, "p2p", "way after a stop")
+    assert 0.0 < way.value < 10.0
+    assert outcome.verdict("stop") is Verdict.FAILED
+    assert failed_parts(outcome, "stop") == ["stopped", "back to the pose"]
+    assert measured(outcome, "stop", "way after a stop")[0].value > 80.0
+    assert f"{LEFT} goes on after it was stopped" in said(outcome, "stop")
+
+
+def test_the_word_and_the_time_of_a_controller_are_judged(outcome: Outcome):
+    """One that is done while its joints still move, and one that is twice as quick as it was asked to be."""
+    assert outcome.verdict("early") is Verdict.FAILED
+    assert failed_parts(outcome, "early") == []
+    assert f"{LEFT} says that its motion is done, and its joints still move: " in outcome.detail("early")
+    assert outcome.verdict("quick") is Verdict.FAILED
+    assert failed_parts(outcome, "quick") == ["to the position", "back to the pose"]
 
 
 def test_the_torso_keeps_to_its_limits_on_the_way_back(outcome: Outcome, measured):

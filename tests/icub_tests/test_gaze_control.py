@@ -21,6 +21,8 @@ CASES = {
     "behind": (LOOK, {"targets": "(0.5 0.0 0.3)"}),
     "jam": (LOOK, {"inject": "jam neck_yaw"}),
     "silent": (LOOK, {"inject": f"controller_silent {GAZE} delay=0.6"}),
+    "stop": (LOOK, {"inject": f"controller_stop_ignored {GAZE}"}),
+    "early": (LOOK, {"inject": f"controller_early {GAZE}"}),
     "slip": (LOOK, {"inject": "encoder_bias neck_yaw bias=10 delay=0.6"}),
     "limit": (LOOK, {"inject": "wrong_upper_limit neck_pitch"}),
     "foreign": (LOOK, {"controller": "/nobody"}),
@@ -55,6 +57,7 @@ def test_a_healthy_robot_looks_at_its_targets(outcome: Outcome, measured, name: 
     assert all(0.0 <= one <= 0.3 for one in angles)
     assert all(one.value <= 0.2 for one in measured(outcome, name, "controller from encoders"))
     assert all(0.3 <= one.value <= 2.0 for one in measured(outcome, name, "duration"))
+    assert all(0.0 < one.value < 30.0 for one in measured(outcome, name, "way after a stop"))
 
 
 def test_a_target_behind_the_head_is_told(outcome: Outcome, measured):
@@ -70,6 +73,8 @@ def test_a_target_behind_the_head_is_told(outcome: Outcome, measured):
         ("jam", "neck_yaw"),
         ("silent", f"{GAZE} does not answer: .*likely: a controller that has stopped, or hangs"),
         ("slip", "neck_yaw: joint and motor encoder disagree"),
+        ("stop", f"{GAZE} goes on after it was stopped"),
+        ("early", f"{GAZE} says too early that its motion is done"),
         ("limit", rf"neck_pitch: the upper limit of {GAZE} is [-\d.]+ deg, that of its board"),
     ],
 )

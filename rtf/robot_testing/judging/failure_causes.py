@@ -158,7 +158,7 @@ _CAUSES: dict[str, tuple[str, ...]] = {
     ),
     "battery charge": (
         "old or dead cells, with less capacity than robot.toml says",
-        "a wrong calibration of the gauge's current",
+        "a wrong calibration, or sign, of the gauge's current",
         "a wrong capacity in robot.toml",
     ),
     "model": ("a description of another version of the robot", "a joint or an offset that was changed in one of them"),
@@ -260,6 +260,7 @@ _CAUSES: dict[str, tuple[str, ...]] = {
         "a target out of reach",
     ),
     "reference speed": ("a board that keeps a speed of its own", "a joint that lags: friction, or a weak motor"),
+    "controller stop": ("a controller that does not take the command to stop", "a lost command"),
     "stop": ("a board that does not take the command to stop", "a lost command"),
     "references": ("a lost command", "a board that does not report the command it was given"),
 }

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING, Any, NoReturn, cast
+from abc import abstractmethod
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, cast
 
 from rtf.robot.cartesian.controller import CartesianController
 from rtf.robot.errors import RefusedError
@@ -58,6 +60,67 @@ class ControllerFrame(_ControllerFault):
         self.controlled.controller.chain = self._chain
 
 
+class _WrongAnswers(_ControllerFault):
+    """A controller of which one request is answered by something else than the controller."""
+
+    request: ClassVar[str]
+
+    def begin(self) -> None:
+        server = self.controlled.server
+        self._task = server.task
+        instead = partial(self.answer, getattr(self._task, self.request))
+        server.task = cast("ITaskControl", _Instead(self._task, self.request, instead))
+
+    def end(self) -> None:
+        self.controlled.server.task = self._task
+
+    @abstractmethod
+    def answer(self, healthy: Callable[..., object], *values: object) -> object:
+        """Answer the request in place of the healthy controller."""
+
+
+class ControllerStopIgnored(_WrongAnswers):
+    """A controller that does not stop."""
+
+    kind = "controller_stop_ignored"
+    description = "The controller acknowledges a stop, and goes on."
+    symptom = "A motion ends at its target, although a client, a guard or an operator stops it."
+    request = "stop"
+
+    def answer(self, healthy: Callable[..., object], *values: object) -> object:
+        del healthy, values
+        return None  # as a stop does
+
+
+class ControllerEarly(_WrongAnswers):
+    """A controller that says too early that a motion is done."""
+
+    kind = "controller_early"
+    description = "The controller says that its motion is done as soon as it begins."
+    symptom = "Clients go on with their next step while the joints still move."
+    request = "motion_done"
+
+    def answer(self, healthy: Callable[..., object], *values: object) -> object:
+        del healthy, values
+        return True
+
+
+class ControllerQuick(_WrongAnswers):
+    """A Cartesian controller that does not keep to the duration of a trajectory."""
+
+    kind = "controller_quick"
+    description = "The Cartesian controller takes a part of the time that it is given for a trajectory."
+    symptom = "The hand, and all joints, are faster than they were asked to be."
+    parameters = (Parameter("share", 0.5, "", "of the time", 0.05, 20.0, healthy=1.0),)
+    share: float
+    request = "go_to"
+
+    def answer(self, healthy: Callable[..., object], *values: object) -> object:
+        target, *rest = values
+        given = rest[0] if rest and rest[0] is not None else self.controlled.controller.trajectory_time()
+        return healthy(target, self.share * cast("float", given))
+
+
 class ControllerSilent(_ControllerFault):
     """A controller that takes requests and never answers."""
 
@@ -75,6 +138,16 @@ class ControllerSilent(_ControllerFault):
         self._hanging.over.set()
 
 
+class _Instead:
+    """In place of a controller: one request has another answer."""
+
+    def __init__(self, task: ITaskControl, request: str, answer: Callable[..., object]) -> None:
+        self._task, self._request, self._answer = task, request, answer
+
+    def __getattr__(self, name: str) -> object:
+        return self._answer if name == self._request else getattr(self._task, name)
+
+
 class _Hanging:
     """In place of a controller: all that is asked waits until it is over."""
 
@@ -89,4 +162,4 @@ class _Hanging:
         return wait
 
 
-KINDS = (ControllerFrame, ControllerSilent)
+KINDS = (ControllerFrame, ControllerStopIgnored, ControllerEarly, ControllerQuick, ControllerSilent)
