@@ -17,6 +17,7 @@ from rtf.robot_testing.judging.motor_model import TOLERANCE, UNEVEN, MotorRun, i
 from rtf.robot_testing.judging.statistics import jitter
 from rtf.robot_testing.judging.step_response import with_noise
 from rtf.robot_testing.motion.disturbance import limpness
+from rtf.robot_testing.motion.joint_queues import one_motor_at_a_time
 from rtf.robot_testing.motion.joint_swings import JointSwinger, Outcome, ends_of
 from rtf.robot_testing.motion.part import PACE
 from rtf.robot_testing.motion.routines import run_queues
@@ -66,7 +67,7 @@ class JointSweep(JointsTest):
     Every place is passed in both directions, at two speeds. What the motors' encoders show of a joint, through the
     inverse of gearboxes and couplings, is compared with its own encoder in every state: spikes, delays, and an error
     that grows over the range, as that of an eccentric magnet, of lost counts, or of a drift. Joints that cannot collide
-    sweep at the same time.
+    and share no motor sweep at the same time.
 
     The duty cycle is compared with that of a pendulum with friction: more in one place in both directions is a sticky
     place, more in a single move a joint that was blocked for a moment. What the current of an own motor adds with the
@@ -133,7 +134,8 @@ class JointSweep(JointsTest):
         part = self.robot_part
         self._sweeps: dict[int, _Sweep] = {}
         with part.recorded() as trace:
-            run_queues(part, part.queues(self.chosen), self._routine, pace=PACE)
+            queues = one_motor_at_a_time(part.queues(self.chosen), self.transmission.sharing)
+            run_queues(part, queues, self._routine, pace=PACE)
         self.assert_error_if_false(len(trace), f"{part.name}: the board publishes no states")
         self._states = _States.of(trace, self.transmission)
         for joint in self.chosen:
@@ -214,7 +216,8 @@ class JointSweep(JointsTest):
             why = f"{missing} of {len(finite)} states have no finite values" if missing else "its sweep is too short"
             self.assert_error_if_false(outcome.complaint, f"{name}: {why}; {likely_causes('frozen')}")
             return
-        self._judge_modes(name, own.modes[:, joint])
+        if verdict is None:
+            self._judge_modes(name, own.modes[:, joint])
         self._end_if_another_motor(joint, own)
         if np.ptp(motors) < _LEAST:
             way = self.shown(float(np.ptp(joints)))

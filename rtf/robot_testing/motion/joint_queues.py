@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Collection, Iterable, Sequence
 
 
 def queues(
@@ -32,3 +32,24 @@ def queues(
     first = [[joint] for joint in left] + grouped[0]
     ordered = [[members for members in queue if members] for queue in (first, *grouped[1:])]
     return [queue for queue in ordered if queue]
+
+
+def one_motor_at_a_time(
+    queues: Sequence[Sequence[Sequence[int]]], sharing: Callable[[int], Collection[int]]
+) -> list[list[list[int]]]:
+    """Return the queues with groups of joints that share no motor, as of several joints that do none tells its own.
+
+    ``sharing`` returns the joints that share the motors of a joint.
+    """
+    return [[apart for group in queue for apart in _apart(group, sharing)] for queue in queues]
+
+
+def _apart(group: Sequence[int], sharing: Callable[[int], Collection[int]]) -> list[list[int]]:
+    found: list[list[int]] = []
+    for joint in group:
+        free = next((members for members in found if not {*sharing(joint)} & {*members}), None)
+        if free is None:
+            found.append([joint])
+        else:
+            free.append(joint)
+    return found

@@ -213,7 +213,7 @@ class JointSwinger:
         part.board.set_reference_speeds(pace, going)
         part.command_move(wanted, going)
         try:
-            yield from until(part.clock, watch.over, seconds)
+            yield from until(part.clock, lambda: watch.over() or all(map(self.lost, going)), seconds)
             unseen = watch.unseen(_UNSEEN)
         except GuardError:
             watch.update()
@@ -221,6 +221,8 @@ class JointSwinger:
             if not unseen:
                 raise
         late = _unseen_outcomes(part, unseen) or watch.late(part)
+        # Those that were excluded on the way were left without power by the guard, for another joint.
+        late = {joint: outcome for joint, outcome in late.items() if not self.lost(joint)}
         if late:
             found = stop_evidence(part, None, self.transmission, late=late)
             certain = {*unseen} - self._explained(found)

@@ -115,6 +115,27 @@ def test_an_undetected_motion_excludes_the_coupled_joints(bench: Bench):
     assert "does not obey any more" in again[2].complaint
 
 
+def test_a_joint_that_loses_its_power_on_the_way_is_in_doubt(bench: Bench):
+    """It is coupled with one that is stopped, and moves at the same time: it waits no longer, and is not late."""
+    outcomes = {}
+
+    def routine(joint: int) -> Routine[None]:
+        if joint == 2:
+            bench.device.speeds = {2: 100.0}
+        outcomes[joint] = yield from bench.swinger.swinging(joint, Ends(-10.0, 30.0), 1, 10.0)
+
+    begin = bench.time.now()
+    run_queues(bench.part, [[[1]], [[2]]], routine, pace=0.02)
+    assert bench.time.now() - begin < 3.0  # a swing takes three seconds, and may take eleven
+    assert outcomes[2].complaint.startswith("had to be stopped: joint2")
+    assert bench.guard.is_excluded(1)
+    verdict = bench.swinger.verdict(1, outcomes[1])
+    assert verdict is not None
+    assert (verdict.failed, verdict.text) == (
+        False, "joint1 is coupled with joint2, which was left without power: it cannot be judged",
+    )  # fmt: skip
+
+
 def test_a_joint_that_overruns_before_it_turns_back_has_moved(bench: Bench):
     """At the end of a swing it still moves, so at the begin of the next it has not been at rest."""
     routine = bench.swinger.moving([10.0], [0], [20.0])
