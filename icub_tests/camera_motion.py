@@ -40,6 +40,8 @@ _REST = 0.3
 _SAME_WAY = 15.0
 #: Another camera explains a picture if it leaves at most this share of what the own one leaves.
 _BETTER = 0.3
+#: Edges along a motion stay in their place: the least way of the pictures across it, px.
+_ACROSS = 5.0
 #: Where so many of the edges stay, per cent, the whole picture does, which is judged by its way.
 _ALL = 90.0
 #: The least colourfulness with which that of another camera is compared: of a scene with colours.
@@ -151,7 +153,8 @@ class CameraMotion(StreamTest):
                 found[name].append((part.names[joint], shift, expected))
         for name, port in self.ports.items():
             with self.subresult(port):
-                self._judge_defects(port, [look.pictures[name] for look in looks])
+                ways = np.array([expected[name] for *_, expected in found[name]])
+                self._judge_defects(port, [look.pictures[name] for look in looks], ways)
                 self._judge(name, port, found[name])
         for one, other in self.turns.alike(_SAME_WAY):
             with self.subresult(f"{self.ports[one]} and {self.ports[other]}"):
@@ -202,10 +205,11 @@ class CameraMotion(StreamTest):
 
     # Judging -----------------------------------------------------------------------------------------------------
 
-    def _judge_defects(self, port: str, pictures: list[NDArray[np.uint8]]) -> None:
-        """Judge what is wrong with the pictures whatever they show."""
+    def _judge_defects(self, port: str, pictures: list[NDArray[np.uint8]], ways: FloatArray) -> None:
+        """Judge what is wrong with the pictures whatever they show; ``ways`` (moves, 2) are what they should move."""
         still, ratio = still_edges(pictures), float(np.median([line_ratio(picture) for picture in pictures]))
-        if still.of_edges < _ALL:
+        across = np.linalg.svd(ways, compute_uv=False)[1:]  # along the direction in which they move less
+        if across.size and across[0] > _ACROSS and still.of_edges < _ALL:
             hint = (
                 f"{port}: {still.of_pixels:.2f} % of its pixels have an edge that stays in its place while the camera "
                 f"turns; {likely_causes('camera still edges')}"

@@ -138,6 +138,7 @@ class JointSweep(JointsTest):
             run_queues(part, queues, self._routine, pace=PACE)
         self.assert_error_if_false(len(trace), f"{part.name}: the board publishes no states")
         self._states = _States.of(trace, self.transmission)
+        self._shows_modes = trace.newest[1].valid[Field.CONTROL_MODES]
         for joint in self.chosen:
             with self.subresult(part.names[joint]):
                 self._judge(joint, self._sweeps[joint])
@@ -216,7 +217,7 @@ class JointSweep(JointsTest):
             why = f"{missing} of {len(finite)} states have no finite values" if missing else "its sweep is too short"
             self.assert_error_if_false(outcome.complaint, f"{name}: {why}; {likely_causes('frozen')}")
             return
-        if verdict is None:
+        if verdict is None and self._shows_modes:
             self._judge_modes(name, own.modes[:, joint])
         self._end_if_another_motor(joint, own)
         if np.ptp(motors) < _LEAST:
@@ -244,7 +245,7 @@ class JointSweep(JointsTest):
             self._judge_viscous_friction(name, joint, own, sweep.moves)
 
     def _judge_modes(self, name: str, modes: NDArray[np.int32]) -> None:
-        """Judge whether the board has shown another mode than that of the sweep, to whose end the joint went."""
+        """Judge whether the board has shown another mode than position, in which it has moved the joint to the end."""
         others = modes[modes != ControlMode.POSITION]
         shown = ", ".join(mode_word(int(mode)) for mode in np.unique(others))
         hint = f"{name} was in {shown} in {len(others)} of {len(modes)} states; {likely_causes('mode for moments')}"

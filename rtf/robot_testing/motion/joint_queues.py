@@ -37,7 +37,7 @@ def queues(
 def one_motor_at_a_time(
     queues: Sequence[Sequence[Sequence[int]]], sharing: Callable[[int], Collection[int]]
 ) -> list[list[list[int]]]:
-    """Return the queues with groups of joints that share no motor, as of several joints that do none tells its own.
+    """Return the queues with the groups split, so that no two joints of a group move the same motor.
 
     ``sharing`` returns the joints that share the motors of a joint.
     """
