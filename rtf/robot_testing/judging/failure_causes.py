@@ -252,6 +252,10 @@ _CAUSES: dict[str, tuple[str, ...]] = {
     "not in target": ("a controller that ends its motions too early", "joints that yield, or are pushed"),
     "unreachable": ("a target out of reach", "limits that are too narrow", "a solver that is wrong"),
     "reach time": ("joints that are late", "a controller that does not keep its period", "a solver that is slow"),
+    "reach too quick": (
+        "a controller that does not keep to the duration that it is given",
+        "a controller that says too early that it is done",
+    ),
     "jerky reach": ("a joint that is blocked at times", "a controller that misses periods", "lost commands"),
     "touched limit": ("a wrong limit in the controller", "a joint that does not follow its commands"),
     "gaze": (

@@ -114,7 +114,8 @@ def _judge_frame(test: TestCase, name: str, found: Reach, most: tuple[float, flo
 
 def _judge_way(test: TestCase, name: str, found: Reach, bounds: ReachBounds) -> None:
     motion, (shortest, longest) = found.motion, bounds.duration
-    hint = f"the reach was done after {found.done:.2f} s; {likely_causes('reach time')}"
+    causes = likely_causes("reach time" if found.done >= shortest else "reach too quick")
+    hint = f"{name} has done the reach after {found.done:.2f} s; {causes}"
     test.measure("duration", found.done, "s", low=shortest, high=longest, hint=hint)
     hint = f"{name}/state:o is late; {likely_causes('controller late')}"
     most = None if math.isinf(bounds.lag) else bounds.lag
