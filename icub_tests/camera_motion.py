@@ -61,6 +61,9 @@ class CameraMotion(StreamTest):
     The way is that of the joints by the model of the robot, times the focal length that the camera reports by its field
     of view. A camera that shows what another one should see is found by the joints that turn the two differently. The
     scene has to stand still, and to have structures.
+
+    What stays in its place while a camera turns is a defect of the camera, and so are lines that do not fit. Cameras
+    that look the same way have to show the same colours, as sharply.
     """
 
     aliases = ("cameraMotion",)
