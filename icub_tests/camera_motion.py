@@ -20,6 +20,7 @@ from rtf.robot_testing.judging.camera_turns import CameraTurns
 from rtf.robot_testing.judging.picture_defects import colourfulness, line_ratio, still_edges
 from rtf.robot_testing.judging.picture_sharpness import picture_sharpness
 from rtf.robot_testing.judging.picture_shift import shift_between
+from rtf.robot_testing.judging.png import png
 from rtf.robot_testing.motion.start_position import bring
 from rtf.robot_testing.robot_name import robot_model
 from rtf.robot_testing.slides import in_units
@@ -44,6 +45,8 @@ _BETTER = 0.3
 _ACROSS = 5.0
 #: Where so many of the edges stay, per cent, the whole picture does, which is judged by its way.
 _ALL = 90.0
+#: The colour of these edges in the picture that is attached.
+_MARK = (255, 0, 0)
 #: The least colourfulness with which that of another camera is compared: of a scene with colours.
 _COLOURED = 0.05
 
@@ -218,6 +221,9 @@ class CameraMotion(StreamTest):
                 f"turns; {likely_causes('camera still edges')}"
             )
             self.measure("edges that stand still", still.of_pixels, "%", high=self.still_edges, hint=hint)
+            if still.of_pixels > self.still_edges:
+                marked = np.where(still.where[:, :, None], np.array(_MARK, np.uint8), pictures[0])
+                self.attach(png(marked), f"{port.strip('/').replace('/', '-')}.png", "image/png")
         if math.isfinite(ratio):
             hint = f"{port}: neighbouring lines differ more than others; {likely_causes('camera lines')}"
             self.measure("difference of lines", ratio, high=self.difference_of_lines or None, hint=hint)

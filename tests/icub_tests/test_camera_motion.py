@@ -4,6 +4,7 @@ import pytest
 
 from rtf.simulator.errors import RenderingError
 from rtf.simulator.rendering import rendering_back_end
+from rtf.testing.events import Attached
 from rtf.testing.verdict import Verdict
 
 CASES = {
@@ -48,6 +49,12 @@ def test_healthy_pictures_move_as_the_field_of_view_says(outcome, measured):
     assert all(one.value == pytest.approx(100.0, abs=12.0) for one in ways)
     for joint in ("eyes_tilt", "eyes_version", "eyes_vergence"):
         assert measured(outcome, "healthy", f"expected with {joint}")[0].value > 8.0
+
+
+def test_a_picture_shows_what_stands_still(outcome):
+    """Attached to the test that has found it, and to no other."""
+    (shown,) = outcome.of(Attached, name="icubSim-cam-left.png")
+    assert (shown.test.rpartition("/")[2], shown.media_type) == ("column", "image/png")
 
 
 @pytest.mark.parametrize("name", [name for name, (inject, _) in CASES.items() if inject])

@@ -19,10 +19,14 @@ _EDGE = 24
 
 
 class StillEdges(NamedTuple):
-    """The pixels with an edge to the next one that stays, of all pixels and of those with an edge (per cent)."""
+    """The pixels with an edge to the next one that stays, of all pixels and of those with an edge (per cent).
+
+    ``where`` (height, width) are these pixels.
+    """
 
     of_pixels: float
     of_edges: float
+    where: NDArray[np.bool_]
 
 
 def still_edges(pictures: Sequence[NDArray[np.uint8]]) -> StillEdges:
@@ -40,7 +44,7 @@ def still_edges(pictures: Sequence[NDArray[np.uint8]]) -> StillEdges:
         still[place] |= (rises | falls).any(axis=2)
         edges[place] |= (abs(steps[0]) >= _EDGE).any(axis=2)
     share = float(still.sum() / edges.sum()) if edges.any() else 0.0
-    return StillEdges(100.0 * float(still.mean()), 100.0 * share)
+    return StillEdges(100.0 * float(still.mean()), 100.0 * share, still)
 
 
 def line_ratio(picture: NDArray[np.uint8]) -> float:
