@@ -190,11 +190,10 @@ class CartesianTest(TaskTest[ICartesianControl]):
                 f"{', '.join(taken)} left the mode of {self.remote}, or never entered it: another program or a "
                 "calibration has taken it, or its board ignores requests for modes",
             )
-        late = self._late(found)
         if done:
-            self.judge_word(late, found.motion.time, found.motion.joints, found.solution.joints)
+            self.judge_word(self._late(found, int(np.searchsorted(found.motion.time[:-1], found.done))))
         self.judge_encoders(
-            late,
+            self._late(found, -1),
             traces,
             "" if done else f"{self.remote} has not reached its target in {self.timeout:g} s",
             "all joints are where its solution has them",
@@ -210,11 +209,12 @@ class CartesianTest(TaskTest[ICartesianControl]):
             if chosen and mode.word in _OTHER_MODES
         ]
 
-    def _late(self, found: Reach) -> dict[tuple[str, int], str]:
+    def _late(self, found: Reach, sample: int) -> dict[tuple[str, int], str]:
         """Return the joints that are not where the solution has them, by part and number, each with a sentence."""
-        left = found.motion.joints[-1] - found.solution.joints
+        joints = found.motion.joints[sample]
+        left = joints - found.solution.joints
         return {
-            (part.name, number): f"{name} is at {found.motion.joints[-1][joint]:.1f} deg, and "
+            (part.name, number): f"{name} is at {joints[joint]:.1f} deg, and "
             f"{found.solution.joints[joint]:.1f} deg are the solution"
             for joint, (name, (part, number)) in enumerate(zip(self.limb.chain.joints, self.limb.places, strict=True))
             if abs(left[joint]) > self._allowed(joint)

@@ -171,25 +171,28 @@ class GazeTest(TaskTest[IGazeControl]):
     def _judge_encoders(self, found: Look, traces: list[tuple[Part, Trace]]) -> None:
         """Judge the encoders after a motion."""
         done = math.isfinite(found.done)
-        late = self._late(found)
         if done:
-            self.judge_word(late, found.times, found.joints[:, -len(found.wanted) :], found.wanted)
+            self.judge_word(self._late(found, int(np.searchsorted(found.times[:-1], found.done))))
         else:
             self.stop_controller()
         self.judge_encoders(
-            late,
+            self._late(found, -1),
             traces,
             "" if done else f"{self.remote} does not look at its point within {self.timeout:g} s",
             "all joints are where it wants them",
         )
 
-    def _late(self, found: Look) -> dict[tuple[str, int], str]:
+    def _late(self, found: Look, sample: int) -> dict[tuple[str, int], str]:
         """Return the joints of the head that are not where the controller wants them, each with a sentence."""
         first = len(self.limb.joints) - len(found.wanted)
         return {
             (part.name, number): f"{name} is at {is_at:.1f} deg, and {self.remote} wants it at {wanted:.1f} deg"
             for name, (part, number), is_at, wanted in zip(
-                self.limb.joints[first:], self.limb.places[first:], found.joints[-1][first:], found.wanted, strict=True
+                self.limb.joints[first:],
+                self.limb.places[first:],
+                found.joints[sample][first:],
+                found.wanted,
+                strict=True,
             )
             if abs(is_at - wanted) > self.joint_error
         }

@@ -77,7 +77,7 @@ def test_the_word_and_the_time_of_a_controller_are_judged(outcome: Outcome):
     """One that is done while its joints still move, and one that is twice as quick as it was asked to be."""
     assert outcome.verdict("early") is Verdict.FAILED
     assert failed_parts(outcome, "early") == []
-    assert f"{LEFT} says that its motion is done, and its joints still move: " in outcome.detail("early")
+    assert f"{LEFT} says that its motion is done, and it is not: " in outcome.detail("early")
     assert outcome.verdict("quick") is Verdict.FAILED
     assert failed_parts(outcome, "quick") == ["to the position", "back to the pose"]
 

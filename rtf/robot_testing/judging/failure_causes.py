@@ -250,6 +250,10 @@ _CAUSES: dict[str, tuple[str, ...]] = {
         "tables of another version of the arm",
     ),
     "not in target": ("a controller that ends its motions too early", "joints that yield, or are pushed"),
+    "done too early": (
+        "a controller that does not look whether it has arrived",
+        "a joint that it has lost for a moment, to another program or by a board that shows another mode",
+    ),
     "unreachable": ("a target out of reach", "limits that are too narrow", "a solver that is wrong"),
     "reach time": ("joints that are late", "a controller that does not keep its period", "a solver that is slow"),
     "reach too quick": (
