@@ -20,7 +20,6 @@ from rtf.robot_testing.judging.camera_turns import CameraTurns
 from rtf.robot_testing.judging.picture_defects import colourfulness, line_ratio, still_edges
 from rtf.robot_testing.judging.picture_sharpness import picture_sharpness
 from rtf.robot_testing.judging.picture_shift import shift_between
-from rtf.robot_testing.judging.png import png
 from rtf.robot_testing.motion.start_position import bring
 from rtf.robot_testing.robot_name import robot_model
 from rtf.robot_testing.slides import in_units
@@ -223,7 +222,7 @@ class CameraMotion(StreamTest):
             self.measure("edges that stand still", still.of_pixels, "%", high=self.still_edges, hint=hint)
             if still.of_pixels > self.still_edges:
                 marked = np.where(still.where[:, :, None], np.array(_MARK, np.uint8), pictures[0])
-                self.attach(png(marked), f"{port.strip('/').replace('/', '-')}.png", "image/png")
+                self.attach_picture(port, marked)
         if math.isfinite(ratio):
             hint = f"{port}: neighbouring lines differ more than others; {likely_causes('camera lines')}"
             self.measure("difference of lines", ratio, high=self.difference_of_lines or None, hint=hint)

@@ -16,7 +16,6 @@ from rtf.robot.sensors.camera import FrameGrabberClient
 from rtf.robot_testing import MotionGuard, Part, likely_causes
 from rtf.robot_testing.guard.simulated import is_simulated
 from rtf.robot_testing.judging.picture_noise import picture_noise
-from rtf.robot_testing.judging.png import png
 from rtf.robot_testing.stream_test import RateTest
 from rtf.robot_testing.streams.stream_statistics import within
 from rtf.testing import Parameter
@@ -181,7 +180,7 @@ class CameraTest(RateTest):
         self._judge_size(name, seen)
         picture = self._picture(name)
         if picture is not None:
-            self._attach(name, picture)
+            self.attach_picture(name, picture)
         least = min(one.spread for one in seen) / 2.55
         hint = f"pictures of {name} show nothing: all pixels are alike; {likely_causes('camera dark')}"
         contrast = self.measure("contrast", least, "%", low=self.contrast, hint=hint)
@@ -237,9 +236,6 @@ class CameraTest(RateTest):
         except RtfError as error:
             self.report(f"the pixels of {name} cannot be shown, and their noise is not judged: {error}")
             return None
-
-    def _attach(self, name: str, picture: NDArray[np.uint8]) -> None:
-        self.attach(png(np.ascontiguousarray(picture)), f"{name.strip('/').replace('/', '-')}.png", "image/png")
 
 
 def _is_camera(name: str, begin: str) -> bool:

@@ -14,7 +14,6 @@ from rtf.middleware.types import IMAGE
 from rtf.robot.interfaces import RgbdPart
 from rtf.robot.sensors.rgbd import COLOUR, DEPTH, DEPTH_FORMAT, RgbdClient
 from rtf.robot_testing import likely_causes
-from rtf.robot_testing.judging.png import png
 from rtf.robot_testing.robot_name import robot_model
 from rtf.robot_testing.stream_test import RateTest
 from rtf.robot_testing.streams.stream_statistics import within
@@ -243,19 +242,18 @@ class RgbdTest(RateTest):
 
     def _attach(self, name: str) -> None:
         """Attach the last images: near is bright."""
-        label = name.strip("/").replace("/", "-")
         try:
             picture = self._last[f"{name}/{COLOUR}"].to("rgb").pixels
         except RtfError as error:
             self.report(f"the pixels of {name} cannot be shown: {error}")
         else:
-            self.attach(png(np.ascontiguousarray(picture)), f"{label}.png", "image/png")
+            self.attach_picture(name, picture)
         depth = self._last[f"{name}/{DEPTH}"]
         if depth.code == DEPTH_FORMAT:
             far = float(np.nanmax(depth.pixels, initial=0.0)) or 1.0
             grey = np.nan_to_num(_WHITE * (1.0 - depth.pixels / far)).clip(0, _WHITE).astype(np.uint8)
             grey[~_is_measured(depth.pixels)] = 0
-            self.attach(png(np.repeat(grey[:, :, np.newaxis], 3, axis=2)), f"{label}-depth.png", "image/png")
+            self.attach_picture(name, np.repeat(grey[:, :, np.newaxis], 3, axis=2), "-depth")
 
 
 def _is_known(row: Sequence[Value]) -> bool:

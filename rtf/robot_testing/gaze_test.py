@@ -50,6 +50,11 @@ class Look(NamedTuple):
     joints: FloatArray
     wanted: FloatArray
 
+    @property
+    def when_done(self) -> int:
+        """The sample in which it was done."""
+        return int(np.searchsorted(self.times[:-1], self.done))
+
 
 class GazeTest(TaskTest[IGazeControl]):
     """Leads the eyes to points by a gaze controller. ``setup`` connects to it, and stores its settings.
@@ -144,7 +149,7 @@ class GazeTest(TaskTest[IGazeControl]):
         hint = f"the eyes do not look at the point; {likely_causes('gaze')}"
         self.measure("eyes from the point", float(errors[-1]), "deg", high=self.tolerance, hint=hint)
         if math.isfinite(found.done):
-            left = float(errors[min(int(np.searchsorted(found.times, found.done)), len(errors) - 1)])
+            left = float(errors[found.when_done])
             hint = f"{self.remote} says too early that its motion is done; {likely_causes('not in target')}"
             self.measure("eyes from the point when it was done", left, "deg", high=2.0 * self.tolerance, hint=hint)
         hint = f"the motion was done after {found.done:.2f} s; {likely_causes('reach time')}"
@@ -172,7 +177,7 @@ class GazeTest(TaskTest[IGazeControl]):
         """Judge the encoders after a motion."""
         done = math.isfinite(found.done)
         if done:
-            self.judge_word(self._late(found, int(np.searchsorted(found.times[:-1], found.done))))
+            self.judge_word(self._late(found, found.when_done))
         else:
             self.stop_controller()
         self.judge_encoders(

@@ -12,6 +12,7 @@ from rtf.clock import SystemClock
 from rtf.errors import RtfError
 from rtf.robot_testing.judging.checked_values import CheckedValue, judge_values
 from rtf.robot_testing.judging.failure_causes import likely_causes
+from rtf.robot_testing.judging.png import png
 from rtf.robot_testing.judging.real_time_checks import overload
 from rtf.robot_testing.robot_test import RobotTest
 from rtf.robot_testing.streams.port_recorder import Listener
@@ -20,6 +21,8 @@ from rtf.testing import Parameter
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from numpy.typing import NDArray
 
     from rtf.bottle import Value
     from rtf.robot_testing.streams.message import Message
@@ -53,6 +56,11 @@ class StreamTest(RobotTest):
         """Return the registered ports of the robot whose names have one of these endings."""
         names = [contact.name for contact in self.network.names.list(f"/{self.robot_name}")]
         return [name for name in names if name.endswith(endings)]
+
+    def attach_picture(self, name: str, pixels: NDArray[np.uint8], what: str = "") -> None:
+        """Attach a picture of a stream, grey (height, width) or coloured (height, width, 3), as a file of its name."""
+        label = name.strip("/").replace("/", "-")
+        self.attach(png(np.ascontiguousarray(pixels)), f"{label}{what}.png", "image/png")
 
     def listen(self, seconds: float, *, arrivals: bool = True) -> None:
         """Record for ``seconds``, plus warm-up and grace; without ``arrivals`` arrival times are less exact."""

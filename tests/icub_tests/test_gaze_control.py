@@ -74,7 +74,7 @@ def test_a_target_behind_the_head_is_told(outcome: Outcome, measured):
         ("silent", f"{GAZE} does not answer: .*likely: a controller that has stopped, or hangs"),
         ("slip", "neck_yaw: joint and motor encoder disagree"),
         ("stop", f"{GAZE} goes on after it was stopped"),
-        ("early", f"{GAZE} says (too early )?that its motion is done"),
+        ("early", f"{GAZE} says that its motion is done, and it is not: "),
         ("limit", rf"neck_pitch: the upper limit of {GAZE} is [-\d.]+ deg, that of its board"),
     ],
 )

@@ -141,11 +141,26 @@ class WrongMode(_ModeFault):
         return ControlMode.POSITION if wanted == ControlMode.TORQUE and allowed else None
 
 
-class ModeStale(AxisFault):
+class _WrongModeShown(AxisFault):
+    """A fault in what a board says of the control mode of a joint."""
+
+    layer = Layer.BOARD
+
+    def begin(self) -> None:
+        self.boards.shown_mode_faults.append(self.show)
+
+    def end(self) -> None:
+        self.boards.shown_mode_faults.remove(self.show)
+
+    def show(self, shown: NDArray[np.int32], now: float) -> None:
+        """Change the shown modes of all axes in place."""
+        raise NotImplementedError
+
+
+class ModeStale(_WrongModeShown):
     """Old control modes in all that the board says of them."""
 
     kind = "mode_stale"
-    layer = Layer.BOARD
     description = "The board changes the mode at once, and shows it late: it reads it in a slow loop, or not at all."
     symptom = "For some time after a change the mode that is read back is the one of before."
     parameters = (Parameter("age", 1.0, "s", "how old the shown modes are", 0.0, 1e6),)
@@ -153,12 +168,9 @@ class ModeStale(AxisFault):
 
     def begin(self) -> None:
         self._modes = deque([(-math.inf, int(self.boards.mode[self.axis]))])
-        self.boards.shown_mode_faults.append(self._show)
+        super().begin()
 
-    def end(self) -> None:
-        self.boards.shown_mode_faults.remove(self._show)
-
-    def _show(self, shown: NDArray[np.int32], now: float) -> None:
+    def show(self, shown: NDArray[np.int32], now: float) -> None:
         known = self._modes
         if shown[self.axis] != known[-1][1]:
             known.append((now, int(shown[self.axis])))
@@ -167,11 +179,10 @@ class ModeStale(AxisFault):
         shown[self.axis] = known[0][1]
 
 
-class ModeFlickers(AxisFault):
+class ModeFlickers(_WrongModeShown):
     """Wrong control modes for moments."""
 
     kind = "mode_flickers"
-    layer = Layer.BOARD
     description = "For moments the board says that the joint is idle, although it controls it."
     symptom = "In some states the mode is another one; clients take the joint for lost, and give up."
     parameters = (
@@ -183,12 +194,9 @@ class ModeFlickers(AxisFault):
 
     def begin(self) -> None:
         self._moments = RandomMoments(self.own_random(self.axis), self.rate, self.length, self.simulation.now)
-        self.boards.shown_mode_faults.append(self._show)
+        super().begin()
 
-    def end(self) -> None:
-        self.boards.shown_mode_faults.remove(self._show)
-
-    def _show(self, shown: NDArray[np.int32], now: float) -> None:
+    def show(self, shown: NDArray[np.int32], now: float) -> None:
         if self._moments.holds(now):
             shown[self.axis] = int(ControlMode.IDLE)
 
