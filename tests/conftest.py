@@ -95,6 +95,7 @@ _LONG = (
     "torture/test_can_drives.py",
     "torture/test_can_frames.py",
     "torture/test_healthy_batteries.py",
+    "torture/test_many_nodes.py",
     "torture/test_robot_lost.py",
 )
 

@@ -15,11 +15,11 @@ from cyclonedds.builtin import (
 from cyclonedds.core import DDSException, InstanceState
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.sub import DataReader
-from cyclonedds.topic import Topic
 
+from rtf.ros2.domains import open_topic, restrict
 from rtf.ros2.errors import Ros2Error
 from rtf.ros2.messages import ParticipantEntities
-from rtf.ros2.node import default_qos, restrict
+from rtf.ros2.node import default_qos
 from rtf.ros2.readers import taken
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ class Graph:
             participant = self._participant = DomainParticipant(domain)
             self._nodes = DataReader(
                 participant,
-                Topic(participant, "ros_discovery_info", ParticipantEntities),
+                open_topic(participant, domain, "ros_discovery_info", ParticipantEntities),
                 qos=default_qos(depth=10, latched=True),
             )
             self._alive = BuiltinDataReader(participant, BuiltinTopicDcpsParticipant)

@@ -14,16 +14,16 @@ import uuid
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from cyclonedds.core import DDSException
-from cyclonedds.domain import Domain, DomainParticipant
+from cyclonedds.domain import DomainParticipant
 from cyclonedds.idl import IdlStruct
 from cyclonedds.pub import DataWriter
 from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
-from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
 from rtf import clock
 from rtf.robot import parameters
+from rtf.ros2.domains import open_topic, restrict
 from rtf.ros2.errors import Ros2Error
 from rtf.ros2.messages import Gid, NodeEntities, ParticipantEntities
 from rtf.ros2.readers import Arrival, Changes
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from typing import Self
 
     from cyclonedds.core import Entity, Listener
+    from cyclonedds.topic import Topic
 
     from rtf.bottle import Property
     from rtf.ros2.readers import Source
@@ -42,20 +43,10 @@ if TYPE_CHECKING:
 
 M = TypeVar("M", bound=IdlStruct)
 _NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
-#: The setting without one of the user: the interface of loopback, and no multicast.
-_LOOPBACK = """\
-<CycloneDDS><Domain>
-<General><Interfaces><NetworkInterface name="lo"/></Interfaces><AllowMulticast>false</AllowMulticast></General>
-<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>99</MaxAutoParticipantIndex>
-<Peers><Peer address="127.0.0.1"/></Peers></Discovery>
-</Domain></CycloneDDS>"""
 _MOST_DOMAINS = 232
 #: Devices of a process have nodes of their own.
 _numbers = itertools.count()
 _LOG = logging.getLogger(__name__)
-#: Domains of this process that have the setting; it is made once, and lives as long as the process.
-_domains: dict[int, Domain] = {}
-_domains_lock = threading.Lock()
 
 
 def domain_of_environment(given: str | None = None) -> int:
@@ -134,7 +125,7 @@ class Node:
         try:
             restrict(self.domain)
             self._participant = DomainParticipant(self.domain)
-            graph: Topic[ParticipantEntities] = Topic(self._participant, "ros_discovery_info", ParticipantEntities)
+            graph = open_topic(self._participant, self.domain, "ros_discovery_info", ParticipantEntities)
             self._graph = DataWriter(self._participant, graph, qos=default_qos(depth=1, latched=True))
         except DDSException as error:
             raise Ros2Error(f"the DDS of domain {self.domain} cannot be opened: {error}") from None
@@ -208,7 +199,7 @@ class Node:
         self.close()
 
     def _topic(self, prefix: str, name: str, kind: type[M], suffix: str = "") -> Topic[M]:
-        return Topic(self._participant, f"{prefix}{self.full_name(name)}{suffix}", kind)
+        return open_topic(self._participant, self.domain, f"{prefix}{self.full_name(name)}{suffix}", kind)
 
     def _ends(self, name: str, role: str, *, reads: type[Call], writes: type[Call]) -> Ends:
         """Open the two topics of a service; ``role`` is the word of its identifier in the user data."""
@@ -248,10 +239,3 @@ def make_node(configuration: Property, name: str, report: Callable[[str], None])
 
 def _gid(entity: Entity) -> Gid:
     return Gid([*entity.guid.bytes])
-
-
-def restrict(domain: int) -> None:
-    """Keep a domain of this process on the machine, unless the user has CYCLONEDDS_URI."""
-    with _domains_lock:
-        if "CYCLONEDDS_URI" not in os.environ and domain not in _domains:
-            _domains[domain] = Domain(domain, _LOOPBACK)
