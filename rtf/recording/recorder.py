@@ -36,7 +36,7 @@ _OVERHEAD = 500
 #: Seconds between two batches, and between two looks for sources that went.
 _PAUSE, _WATCH = 0.05, 1.0
 #: Seconds that are waited at the end for what has been sent.
-_CLOSING = 0.2
+_CLOSING = 2.0
 
 
 class _Waiting(NamedTuple):
