@@ -164,6 +164,7 @@ def test_it_has_the_control_port_and_the_faults_of_a_simulated_robot(network: Ne
         torso = make_device("simulatedBoard", Property({"part": "torso"}), name="torso")
         torso.attach({"robot": robot})
         readings = sensor.view(IAnalogSensor)
+        clock.current().sleep(0.1)  # before the first step no motor carries the arm
         before = readings.read().values
         control.inject("ft_bias", "left_arm", {"force": 50.0})
         clock.current().sleep(0.1)
