@@ -220,9 +220,9 @@ def test_a_joint_that_runs_away_by_what_should_hold_it_fails(tmp_path):
     detail = outcome.detail("runaway")
     busy = "this machine is too busy" in detail
     if outcome.verdict("runaway") is Verdict.ERROR and re.search(
-        r"published no state|the last state .* is .* old", detail
+        r"published no state|the last state .* is .* old|the guard of the test did not watch", detail
     ):
-        pytest.skip(f"this machine is too busy for the 10 ms period of the board: {detail}")
+        pytest.skip(f"this machine is too busy for the periods of the board and the guard: {detail}")
     assert outcome.verdict("runaway") is (Verdict.INCONCLUSIVE if busy else Verdict.FAILED), detail
     moved = "joint0 moved by 15.0 deg at torques within 0.1 Nm of its holding torque"
     assert any(moved in event.detail for event in outcome.of(Message))
