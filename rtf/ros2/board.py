@@ -42,6 +42,8 @@ _ENDLESS = 180.0
 #: A process that wrote nothing for so long (s) has paused. Its joints then catch up with twice the speed of their
 #: trajectories and so much (deg/s): below what a guard takes for a motion out of control.
 _PAUSE, _CATCHING_UP = 0.05, 20.0
+#: Positions (rad, m) that differ by the conversion to degrees only.
+_SAME = 1e-9
 
 
 class Ros2Board(BoardDriver):
@@ -62,6 +64,7 @@ class Ros2Board(BoardDriver):
     _controller: Controller
     _states: JointStates
     _sent: FloatArray | None = None
+    _held: FloatArray | None = None  # the positions at which the board holds the joints when it starts
 
     def connect(self, configuration: Property) -> list[BoardAxis]:
         """Find the joints, their limits, their states and the controller. Raises as BoardDriver says."""
@@ -109,6 +112,7 @@ class Ros2Board(BoardDriver):
         self.supported = _MODES[interface]
         self._units = np.array([joint.unit for joint in joints])
         self._arrived, self._written = 0.0, self.time()
+        self._held = None
         self._behind = np.zeros(len(joints), dtype=bool)
         self._first: dict[int, tuple[Any, ...]] = {}
         return [_axis(joint, interface) for joint in joints]
@@ -134,6 +138,8 @@ class Ros2Board(BoardDriver):
         if Field.TORQUES in self.measures:
             state.torques[:] = found.values[2]
         self._time, self._arrived = found.time, found.arrived
+        if self._held is None:
+            self._held = found.values[0].copy()
 
     def stamp(self, now: float) -> float:
         """Return the time of the latest state."""
@@ -142,9 +148,10 @@ class Ros2Board(BoardDriver):
     def write(self, setpoints: Setpoints, modes: NDArray[np.int32]) -> None:
         """Send the setpoints if they have changed, or are an effort or a velocity."""
         values = self._values(setpoints, modes)
-        if self._sent is None:
-            self._sent = values  # nothing is commanded until somebody does
-        elif not np.array_equal(values, self._sent) or (self._repeats() and values.any()):
+        if self._sent is None:  # nothing is commanded until somebody does, which may have been before this cycle
+            start = self._held if self._held is not None and not self._repeats() else np.zeros_like(values)
+            self._sent = values if np.allclose(values, start, rtol=0.0, atol=_SAME) else start
+        if not np.array_equal(values, self._sent) or (self._repeats() and values.any()):
             self._sent = values
             try:
                 self._controller.send(values, setpoints.velocities / self._units)

@@ -18,9 +18,11 @@ from rtf import clock
 from rtf.bottle import Property
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.device import make_device
+from rtf.robot.devices.control_board import ControlBoard
 from rtf.robot.errors import ConfigurationError, DeviceError, NotSupportedError, RefusedError, StaleStateError
 from rtf.robot.extended_state import ExtendedState
 from rtf.robot.interfaces import JointType, PidType
+from rtf.ros2.board import Ros2Board
 from rtf.ros2.description import DescribedJoint, make_description
 from rtf.ros2.messages import Float64MultiArray, Header, JointState, String, Time
 from rtf.ros2.node import default_qos
@@ -207,6 +209,33 @@ def test_only_what_is_measured_is_told(node: Callable[..., Node], network: Netwo
             board.set_control_modes(ControlMode.POSITION_DIRECT)
             board.set_positions([30.0])
             eventually(lambda: any(one.data == pytest.approx([math.radians(30.0)]) for one in got), "no command")
+
+
+class LateBoard(ControlBoard):
+    """A board whose first cycle comes late, as on a busy machine."""
+
+    driver_class = Ros2Board
+
+    def _begin_cycles(self) -> None:
+        """Not yet."""
+
+    def begin(self) -> None:
+        """Begin the cycles."""
+        super()._begin_cycles()
+
+
+def test_a_command_before_the_first_cycle_is_sent(node: Callable[..., Node], network: Network, domain: int):
+    """It is the only one."""
+    here, got = node("robot"), []
+    here.subscribe("c/commands", Float64MultiArray, got.append)
+    with Talker(here) as talker, closing(LateBoard(network=network)) as board:
+        talker.describe("knee")
+        board.open(Property.parse(f"(domain {domain}) (patience 5.0) (timeout 5.0) (controller c) (joints (knee))"))
+        board.set_control_modes(ControlMode.POSITION_DIRECT)
+        board.set_positions([30.0])
+        board.begin()
+        eventually(lambda: got, "no command")
+        assert got[0].data == pytest.approx([math.radians(30.0)])
 
 
 #: A robot with one joint that is killed.
