@@ -100,10 +100,12 @@ def _found(case: Case, verdict: Verdict, problems: Sequence[Message]) -> Judgeme
 
 def _names(problem: Message, case: Case) -> bool:
     """Return whether a failure names the faulty component. A failure of a joint's sub-result is of that joint only."""
-    name = case.names
-    if name in robot_of(case.robot).index and (joints := _joints(problem, case)):
-        return not joints.isdisjoint(faulty_joints(case) if name == case.target else {name})
-    return name in f"{problem.subject}: {problem.detail}"
+    names, of_joint = {case.names}, case.names in robot_of(case.robot).index
+    if of_joint and case.names == case.target:
+        names |= faulty_joints(case)
+    if of_joint and (joints := _joints(problem, case)):
+        return not joints.isdisjoint(names)
+    return any(name in f"{problem.subject}: {problem.detail}" for name in names)
 
 
 def _blames_another_joint(problem: Message, case: Case) -> bool:

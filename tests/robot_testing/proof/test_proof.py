@@ -244,13 +244,15 @@ def test_the_judgement_of_a_case(expectation: Expectation, verdict: Verdict, fai
         ("motors_swapped", "torso_roll", Judgement.FOUND),
         ("motors_swapped", "torso_pitch", Judgement.FOUND),
         ("motors_swapped", "torso_yaw", Judgement.UNNAMED),
+        ("motors_swapped", "", Judgement.FOUND),
         ("motor_dead", "torso_pitch", Judgement.UNNAMED),
+        ("motor_dead", "", Judgement.UNNAMED),
     ],
 )
 def test_a_fault_that_exchanges_two_is_found_at_either(fault: str, subject: str, said: Judgement):
     """Both are faulty; any other fault is that of its target."""
     case = Case("MotorTest", Expectation.FOUND, fault, "torso_roll", {"by": 1.0}, names="torso_roll")
-    found = result(Verdict.FAILED, "it does not move")
+    found = result(Verdict.FAILED, "torso_pitch is beyond its limits" if not subject else "it does not move")
     found.problems = [replace(found.problems[0], subject=subject)]
     assert judge(case, found).judgement is said
 
