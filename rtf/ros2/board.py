@@ -42,7 +42,7 @@ _ENDLESS = 180.0
 #: A process that wrote nothing for so long (s) has paused. Its joints then catch up with twice the speed of their
 #: trajectories and so much (deg/s): below what a guard takes for a motion out of control.
 _PAUSE, _CATCHING_UP = 0.05, 20.0
-#: Positions (rad, m) that differ by the conversion to degrees only.
+#: Setpoints (rad, m) that differ by the conversion to degrees only.
 _SAME = 1e-9
 
 
@@ -63,8 +63,7 @@ class Ros2Board(BoardDriver):
     _node: Node | None = None
     _controller: Controller
     _states: JointStates
-    _sent: FloatArray | None = None
-    _held: FloatArray | None = None  # the positions at which the board holds the joints when it starts
+    _sent: FloatArray = np.empty(0)  # what the controller has: at first the place where the board holds the joints
 
     def connect(self, configuration: Property) -> list[BoardAxis]:
         """Find the joints, their limits, their states and the controller. Raises as BoardDriver says."""
@@ -112,7 +111,6 @@ class Ros2Board(BoardDriver):
         self.supported = _MODES[interface]
         self._units = np.array([joint.unit for joint in joints])
         self._arrived, self._written = 0.0, self.time()
-        self._held = None
         self._behind = np.zeros(len(joints), dtype=bool)
         self._first: dict[int, tuple[Any, ...]] = {}
         return [_axis(joint, interface) for joint in joints]
@@ -121,10 +119,10 @@ class Ros2Board(BoardDriver):
         """Leave the robot: velocities and efforts end, positions are held by its controller."""
         node, self._node = self._node, None
         if node is not None:
-            if self._sent is not None and self._controller.interface in (Interface.VELOCITY, Interface.EFFORT):
+            if self._sent.size and self._repeats():
                 self._controller.send(np.zeros_like(self._sent), np.zeros_like(self._sent))
             node.close()
-        self._sent = None
+        self._sent = np.empty(0)
 
     def read(self, state: ExtendedState) -> None:
         """Take the latest state, and wait for one for a period. Raises DeviceError if it is too old."""
@@ -138,8 +136,8 @@ class Ros2Board(BoardDriver):
         if Field.TORQUES in self.measures:
             state.torques[:] = found.values[2]
         self._time, self._arrived = found.time, found.arrived
-        if self._held is None:
-            self._held = found.values[0].copy()
+        if not self._sent.size:
+            self._sent = np.zeros_like(found.values[0]) if self._repeats() else found.values[0].copy()
 
     def stamp(self, now: float) -> float:
         """Return the time of the latest state."""
@@ -148,10 +146,7 @@ class Ros2Board(BoardDriver):
     def write(self, setpoints: Setpoints, modes: NDArray[np.int32]) -> None:
         """Send the setpoints if they have changed, or are an effort or a velocity."""
         values = self._values(setpoints, modes)
-        if self._sent is None:  # nothing is commanded until somebody does, which may have been before this cycle
-            start = self._held if self._held is not None and not self._repeats() else np.zeros_like(values)
-            self._sent = values if np.allclose(values, start, rtol=0.0, atol=_SAME) else start
-        if not np.array_equal(values, self._sent) or (self._repeats() and values.any()):
+        if (np.abs(values - self._sent) > _SAME).any() or (self._repeats() and values.any()):
             self._sent = values
             try:
                 self._controller.send(values, setpoints.velocities / self._units)
@@ -175,8 +170,6 @@ class Ros2Board(BoardDriver):
         wanted: FloatArray = setpoints.positions / self._units
         now = self.board.tick  # of the trajectories, in s
         passed, self._written = now - self._written, now
-        if self._sent is None:
-            return wanted
         if passed > _PAUSE:
             self._behind |= modes != ControlMode.POSITION_DIRECT
         speed = 2.0 * np.abs(setpoints.velocities) + _CATCHING_UP * self.board.degree

@@ -32,11 +32,16 @@ _keepers: dict[int, DomainParticipant] = {}
 _kept: dict[tuple[int, type[IdlStruct]], Topic[IdlStruct]] = {}
 
 
-def restrict(domain: int) -> None:
-    """Keep a domain of this process on the machine, unless the user has CYCLONEDDS_URI. Raises DDSException."""
+def open_participant(domain: int) -> DomainParticipant:
+    """Open a participant, on this machine unless the user has CYCLONEDDS_URI. Raises DDSException."""
     with _lock:
-        if "CYCLONEDDS_URI" not in os.environ and domain not in _restricted:
-            _restricted[domain] = Domain(domain, _LOOPBACK)
+        return _opened(domain)
+
+
+def _opened(domain: int) -> DomainParticipant:
+    if "CYCLONEDDS_URI" not in os.environ and domain not in _restricted:
+        _restricted[domain] = Domain(domain, _LOOPBACK)
+    return DomainParticipant(domain)
 
 
 def open_topic(participant: DomainParticipant, domain: int, name: str, kind: type[M]) -> Topic[M]:
@@ -44,6 +49,6 @@ def open_topic(participant: DomainParticipant, domain: int, name: str, kind: typ
     with _lock:
         if (domain, kind) not in _kept:
             if domain not in _keepers:
-                _keepers[domain] = DomainParticipant(domain)
+                _keepers[domain] = _opened(domain)
             _kept[domain, kind] = Topic(_keepers[domain], f"kept_{len(_kept)}", kind)
         return Topic(participant, name, kind)

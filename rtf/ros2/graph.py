@@ -13,10 +13,9 @@ from cyclonedds.builtin import (
     BuiltinTopicDcpsSubscription,
 )
 from cyclonedds.core import DDSException, InstanceState
-from cyclonedds.domain import DomainParticipant
 from cyclonedds.sub import DataReader
 
-from rtf.ros2.domains import open_topic, restrict
+from rtf.ros2.domains import open_participant, open_topic
 from rtf.ros2.errors import Ros2Error
 from rtf.ros2.messages import ParticipantEntities
 from rtf.ros2.node import default_qos
@@ -48,8 +47,7 @@ class Graph:
     def __init__(self, domain: int, *, report: Callable[[str], None]) -> None:
         self._report = report
         try:
-            restrict(domain)
-            participant = self._participant = DomainParticipant(domain)
+            participant = self._participant = open_participant(domain)
             self._nodes = DataReader(
                 participant,
                 open_topic(participant, domain, "ros_discovery_info", ParticipantEntities),

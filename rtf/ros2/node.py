@@ -14,7 +14,6 @@ import uuid
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from cyclonedds.core import DDSException
-from cyclonedds.domain import DomainParticipant
 from cyclonedds.idl import IdlStruct
 from cyclonedds.pub import DataWriter
 from cyclonedds.qos import Policy, Qos
@@ -23,7 +22,7 @@ from cyclonedds.util import duration
 
 from rtf import clock
 from rtf.robot import parameters
-from rtf.ros2.domains import open_topic, restrict
+from rtf.ros2.domains import open_participant, open_topic
 from rtf.ros2.errors import Ros2Error
 from rtf.ros2.messages import Gid, NodeEntities, ParticipantEntities
 from rtf.ros2.readers import Arrival, Changes
@@ -123,8 +122,7 @@ class Node:
         self._listeners: list[Listener] = []  # the library frees them while they may still be called
         self._services: list[ServiceServer[Any, Any] | ServiceClient[Any, Any]] = []
         try:
-            restrict(self.domain)
-            self._participant = DomainParticipant(self.domain)
+            self._participant = open_participant(self.domain)
             graph = open_topic(self._participant, self.domain, "ros_discovery_info", ParticipantEntities)
             self._graph = DataWriter(self._participant, graph, qos=default_qos(depth=1, latched=True))
         except DDSException as error:

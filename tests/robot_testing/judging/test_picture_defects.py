@@ -35,7 +35,8 @@ def test_a_scene_has_no_edges_that_stand_still():
 def test_of_a_frozen_picture_all_edges_stand_still():
     """And of a picture without any there are none."""
     assert still_edges([scene(0, 0)] * 3).of_edges == 100.0
-    assert still_edges([np.full((9, 9, 3), 40, np.uint8)] * 3).of_edges == 0.0
+    found = still_edges([np.full((9, 9, 3), 40, np.uint8)] * 3)
+    assert (found.of_pixels, found.of_edges, found.where.any()) == (0.0, 0.0, False)
 
 
 @given(st.integers(0, COLUMNS - 1), st.integers(1, 10))
