@@ -17,7 +17,7 @@ from rtf.robot_testing import Safety, likely_causes
 from rtf.robot_testing.can_test import YARP, CanTest
 from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.judging.can_traffic import longest_gap, rest_after
-from rtf.robot_testing.motion.start_position import hold
+from rtf.robot_testing.motion.start_position import bring, hold
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
@@ -132,7 +132,7 @@ class CanTimeouts(CanTest):
         if faulty:  # a drive without setpoints is in fault, as it should be
             part.set_mode(ControlMode.FORCE_IDLE, faulty)
         hold(part, joints)
-        self.require(part.move(part.home[joints], joints, speed=_BACK), "its home", part, joints, part.home[joints])
+        bring(self, part, joints, part.home[joints], speed=_BACK)
 
     # Verdict -----------------------------------------------------------------------------------------------------
 

@@ -12,6 +12,7 @@ from rtf.robot.errors import RobotError
 from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.guard.transmission import Transmission
 from rtf.robot_testing.judging.blame import Evidence, Strength, accused
+from rtf.robot_testing.judging.failure_causes import likely_causes
 from rtf.robot_testing.motion.disturbance import disturbance
 from rtf.robot_testing.motion.part import TOLERANCE
 from rtf.robot_testing.motion.start_position import hold, late_evidence, late_held_joints
@@ -79,7 +80,7 @@ class JointsTest(RobotTest):
     def hold(self, joints: Sequence[int] | None = None) -> None:
         """Bring joints, by default all, into stiff position mode. Excluded joints are left out.
 
-        The test ends with an error if a joint does not take the mode.
+        The test fails if a joint does not take the mode.
         """
         part = self.robot_part
         chosen = part.held(joints)
@@ -90,7 +91,10 @@ class JointsTest(RobotTest):
             for joint, mode in zip(chosen, modes, strict=True)
             if mode is not ControlMode.POSITION
         ]
-        self.assert_error_if_true(wrong, f"{part.name} does not take position mode: {'; '.join(wrong)}")
+        if wrong:
+            self.assert_fail(
+                f"{part.name} does not take position mode: {'; '.join(wrong)}; {likely_causes('lost mode')}"
+            )
 
     def bring_home(
         self, joints: Sequence[int] | None = None, *, speed: float = HOMING, tolerance: float = TOLERANCE

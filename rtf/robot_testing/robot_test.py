@@ -40,6 +40,7 @@ from rtf.robot_testing.stop_judging import StopJudging
 from rtf.robot_testing.thresholds import thresholds_for
 from rtf.testing import Parameter, Unit
 from rtf.testing.permission import has_permission
+from rtf.testing.verdict import Inconclusive
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -89,7 +90,7 @@ class RobotTest(StopJudging):
 
     network: Network
     clock: Clock
-    _parts: dict[str, Part]
+    _parts: Mapping[str, Part] = MappingProxyType({})
     _slides: Mapping[str, float] = MappingProxyType({})  # metres a degree of prismatic joints of opened parts
     _may_move = False
 
@@ -138,16 +139,21 @@ class RobotTest(StopJudging):
 
     def attach_to(self, session: Session, environment: str) -> None:
         super().attach_to(session, environment)
-        session.excuse = self._excuse
+        session.explain = self._explain_exception
 
-    def _excuse(self, error: Exception) -> str:
-        """Return why an overdue state or a stopped joint may be the fault of this machine; "" if it is not.
+    def _explain_exception(self, error: Exception) -> Exception:
+        """Return what an exception proves: whose fault it is that a joint was stopped, or that a state is overdue.
 
-        In lockstep it never is: the robot's time waits for the test.
+        It may be that of this machine; in lockstep it never is: the robot's time waits for the test.
         """
         if isinstance(error, GuardError):
-            return error.excuse
-        return self.busy() if isinstance(error, StaleStateError) else ""
+            part = self._parts.get(error.part_name.rpartition("/")[2])
+            if part is not None and error.joint >= 0:
+                return self.judged_stop(part, error)
+            excuse = error.excuse
+        else:
+            excuse = self.busy() if isinstance(error, StaleStateError) else ""
+        return Inconclusive(f"{error}; but {excuse}") if excuse else error
 
     def busy(self) -> str:
         """Return why this machine was overloaded during the test; "" if it was not, and in lockstep, which waits."""
@@ -166,7 +172,6 @@ class RobotTest(StopJudging):
         self._report_other_robot()
         if unvalidated := robot_model(self).unvalidated:
             self.report(unvalidated)
-        self._parts = {}
         self.clock = clock_from_environment(self.network)
         used = clock.use(self.clock)
         used.__enter__()
@@ -206,7 +211,7 @@ class RobotTest(StopJudging):
         """
         if name not in self._parts:
             try:
-                self._parts[name] = self._open(name)
+                self._parts = {**self._parts, name: self._open(name)}
             except RobotError as error:
                 where = f" (part: {self.parameter_source('part')})" if name == getattr(self, "part", None) else ""
                 self.assert_error(f"/{self.robot_name}/{name} cannot be opened: {error}{where}")

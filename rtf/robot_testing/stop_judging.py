@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NoReturn
 from rtf.robot_testing.judging.blame import Evidence, Strength, accused, blame, settle
 from rtf.robot_testing.motion.stop_evidence import complaint_of_stop, stop_evidence
 from rtf.testing import TestCase
+from rtf.testing.verdict import Inconclusive, TestFailure
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -110,6 +111,13 @@ class StopJudging(TestCase):
         """Judge a joint by a complaint and the evidence on the joints of its part, in its sub-result."""
         with self.subresult(part.names[joint]):
             settle(self, blame(joint, complaint, found))
+
+    def judged_stop(self, part: Part, error: GuardError) -> Exception:
+        """Return the verdict on a stop that ends the test, or its sub-result, for which the test is not prepared."""
+        try:
+            self.blame(part, error)
+        except (TestFailure, Inconclusive) as judged:
+            return judged
 
     def blame(
         self,

@@ -216,9 +216,9 @@ class Session(Stoppable[Event | Case]):
     answered. ``folder`` is the test's own inside ``run_folder``.
     """
 
-    #: Returns why an exception proves nothing, or "" if it is an ordinary error; for kinds of tests that have such
-    #: exceptions.
-    excuse: Callable[[Exception], str] | None = None
+    #: Returns what is recorded in the place of an exception, mostly itself: for kinds of tests that know more about
+    #: what it proves.
+    explain: Callable[[Exception], Exception] | None = None
     #: Opens a debugger where an exception was raised, if the test is debugged.
     examine: Callable[[Exception], None] | None = None
     #: Whether the core dumps of the programs that the test runs are kept.
@@ -339,11 +339,10 @@ class Session(Stoppable[Event | Case]):
 
     def raised(self, error: Exception) -> None:
         """Turn an exception that left the author's code into an event; this is done nowhere else."""
+        if self.explain is not None:
+            error = self.explain(error).with_traceback(error.__traceback__)
         if isinstance(error, SkipTest | Inconclusive):
             self._set_aside(error)
-            return
-        if self.excuse is not None and (why := self.excuse(error)):
-            self._set_aside(Inconclusive(f"{text_of(error)}; but {why}").with_traceback(error.__traceback__))
             return
         place = raised_place(error)
         if isinstance(error, TestFailure):

@@ -32,7 +32,7 @@ def outcome(run_on_robot):
         rendering_back_end()
     except RenderingError as error:
         pytest.skip(str(error))
-    return run_on_robot(SUITE, cameras="yes", parts="head")
+    return run_on_robot(SUITE, cameras="yes", camera_rate=10, parts="head")
 
 
 def test_healthy_pictures_move_as_the_field_of_view_says(outcome, measured):

@@ -191,6 +191,20 @@ def test_a_stop_ends_the_sub_result(
     assert ("likely: gains far too large" in text[0]) is not bool(excuse)
 
 
+def test_a_stop_for_which_a_test_is_not_prepared_is_judged_by_the_evidence(
+    bench: PartBench, said: list[Event], made: Callable[..., Any]
+):
+    """The motor that is driven hard and stands still is named; the one that was stopped is shaken by its joint."""
+    test = made(_parts={"fake": bench.part})
+    bench.device.duties = {0: 100.0}
+    for _ in range(50):
+        bench.time.sleep(0.01)
+    with test.subresult("move"):
+        raise GuardError("joint1 turns too fast; it was stopped", 1, part_name="/fake")
+    assert failures(said)["move"].startswith("the motor of joint0 does not turn at a duty cycle of +100 %; likely: ")
+    assert "joint1 turns too fast" in failures(said)["move"]
+
+
 @pytest.mark.parametrize(("joints", "verdict"), [((1,), Verdict.FAILED), ((0,), Verdict.INCONCLUSIVE)])
 def test_a_stop_of_a_joint_that_did_not_belong_to_a_motion_is_no_failure_of_it(
     bench: PartBench, said: list[Event], made: Callable[..., Any], joints: tuple[int, ...], verdict: Verdict

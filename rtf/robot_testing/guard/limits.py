@@ -33,14 +33,22 @@ class GuardError(RobotError, TestFailure):
 
     The test fails, as the robot is at fault. It is inconclusive with an ``excuse``: this machine was too busy to
     control joints. ``joint`` is the number of the joint in the part, -1 if it is unknown. ``finding`` is the key of its
-    likely causes. ``time`` is that of the violation, s of the robot's clock; infinite: just now.
+    likely causes. ``time`` is that of the violation, s of the robot's clock; infinite: just now. ``part_name`` is the
+    prefix of the part's ports, "" if it is unknown.
     """
 
     def __init__(
-        self, text: str, joint: int = -1, excuse: str = "", finding: str = "stopped", time: float = math.inf
+        self,
+        text: str,
+        joint: int = -1,
+        excuse: str = "",
+        finding: str = "stopped",
+        time: float = math.inf,
+        part_name: str = "",
     ) -> None:
         super().__init__(text)
         self.joint = joint
         self.excuse = excuse
         self.finding = finding
         self.time = time
+        self.part_name = part_name

@@ -327,7 +327,7 @@ class MotionGuard(GuardedPart):
             text = f"{text.rpartition('; ')[0]}; it could not be stopped: {error}"
         if self.on_stop is not None:
             self.on_stop(joint)
-        raise GuardError(text, joint, self.excuse(), finding, time)
+        raise GuardError(text, joint, self.excuse(), finding, time, self.name)
 
     def exclude_if_stopped_again(self, joint: int) -> bool:
         """Exclude a joint that had to be stopped more than once, with those that share its motors; return whether.

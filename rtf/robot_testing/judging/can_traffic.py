@@ -238,12 +238,12 @@ def rest_after(times: FloatArray, speeds: FloatArray, share: float) -> float | N
     """Return the time (s) from which on all speeds are below a share of the greatest one; None if it never rests.
 
     Each is the mean of a twentieth of a second before and after it: a board tells a joint that creeps as no speed, and
-    now and then a whole count of it.
+    now and then a whole count of it, and one that trembles as counts of both signs.
     """
-    sizes = np.abs(speeds)
-    sums = np.concatenate([[0.0], np.cumsum(sizes)])
+    sums = np.concatenate([[0.0], np.cumsum(speeds)])
     first, last = np.searchsorted(times, times - _AROUND), np.searchsorted(times, times + _AROUND, side="right")
-    fast = np.flatnonzero((sums[last] - sums[first]) / (last - first) > share * sizes.max(initial=0.0))
+    means = np.abs(sums[last] - sums[first]) / (last - first)
+    fast = np.flatnonzero(means > share * np.abs(speeds).max(initial=0.0))
     if not len(fast):
         return None
     return float(times[fast[-1] + 1]) if fast[-1] + 1 < len(times) else None

@@ -30,7 +30,7 @@ class LimbGuardError(GuardError):
     """A guard had to stop a joint of ``part``."""
 
     def __init__(self, part: Part, error: GuardError) -> None:
-        super().__init__(str(error), error.joint, error.excuse, error.finding, error.time)
+        super().__init__(str(error), error.joint, error.excuse, error.finding, error.time, part.name)
         self.part = part
 
 

@@ -144,3 +144,9 @@ def test_a_joint_that_creeps_rests_and_one_that_goes_on_does_not():
     assert rest_after(*_broadcasts(lambda _: 384.0), 0.1) is None
     assert rest_after(*_broadcasts(lambda time: 384.0 if time < 1.0 else 64.0), 0.1) is None
     assert rest_after(*_broadcasts(lambda _: 0.0), 0.1) is None
+
+
+def test_a_joint_that_trembles_rests():
+    """By half a count of speed to either side, which a board tells as a whole one."""
+    times, speeds = _broadcasts(lambda time: 384.0 if time < 1.0 else 64.0 * (round(time / 0.004) % 3 - 1))
+    assert rest_after(times, speeds, 0.1) == pytest.approx(1.04, abs=0.01)

@@ -13,12 +13,14 @@ from rtf.robot.errors import RefusedError
 from rtf.robot_testing.motion.part import Part
 from rtf.robot_testing.motion.start_position import hold, late_joints
 from rtf.robot_testing.robot_test import RobotTest
-from rtf.testing.verdict import TestProblem
+from rtf.testing.session import Session
+from rtf.testing.verdict import TestFailure, TestProblem
 
 from ..part_bench import Joints, PartBench
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
 POSITION, DIRECT, IDLE = ControlMode.POSITION, ControlMode.POSITION_DIRECT, ControlMode.IDLE
 
@@ -31,9 +33,10 @@ def bench() -> Iterator[PartBench]:
 
 
 @pytest.fixture
-def test(bench: PartBench) -> Joints:
+def test(bench: PartBench, tmp_path: Path) -> Joints:
     """A test of all joints of the part."""
     made = Joints()
+    made.attach_to(Session("t", lambda _: None, folder=tmp_path, run_folder=tmp_path), "")
     made.robot_part, made.chosen = bench.part, [0, 1, 2]
     return made
 
@@ -44,7 +47,7 @@ def test_joints_that_refuse_a_mode_are_named(bench: PartBench, test: Joints):
     bench.device.refuses = True
     assert not bench.part.set_mode(DIRECT)
     assert bench.board.control_modes() == (DIRECT, POSITION, POSITION)
-    with pytest.raises(TestProblem, match="does not take position mode: joint0 stays in"):
+    with pytest.raises(TestFailure, match="does not take position mode: joint0 stays in"):
         test.hold()
 
 
