@@ -92,6 +92,7 @@ class PositionStress(JointsTest):
         if stopped is not None:
             self.judge_own_stop(joint, stopped)
             return
+        self._judge_modes(joint, trace.control_modes)
         with self.subresult(part.names[joint]):
             self.end_if_explained(joint)
             for text in lost:
@@ -109,7 +110,6 @@ class PositionStress(JointsTest):
             current=(currents, "A"),
         )
         self.measure("greatest current", float(np.abs(currents).max()), "A")
-        self._judge_modes(joint, trace.control_modes)
         reach = float(positions.max() - positions.min())
         # The way at full speed in the shortest wait; half of that time is for the board to begin.
         least = 0.5 * min(self.shortest * self.speeds[joint], float(self.top[joint] - self.bottom[joint]))
@@ -131,7 +131,7 @@ class PositionStress(JointsTest):
         return [f"{part.names[joint]}: {where}; {likely_causes('does not start')}"]
 
     def _judge_modes(self, joint: int, modes: np.ndarray[tuple[int, ...], np.dtype[np.int32]]) -> None:
-        """Check that all axes of the part but the excluded ones were in position mode all the time."""
+        """Fail each axis of the part that was not in position mode all the time; the excluded ones are left out."""
         part = self.robot_part
         for other in part.held():
             name = part.names[other]
@@ -140,7 +140,8 @@ class PositionStress(JointsTest):
                 word = mode_word(int(modes[int(np.flatnonzero(wrong)[0]), other]))
                 code, text = part.board.last_joint_fault(other)
                 why = f" (fault {code}: {text})" if code else ""
-                self.check(False, f"{name} went into {word} while {part.names[joint]} moved{why}")
+                with self.subresult(name):
+                    self.check(False, f"{name} went into {word} while {part.names[joint]} moved{why}")
 
 
 #: Tolerance of a target that is read back, deg.
