@@ -10,6 +10,7 @@ from rtf.robot.control_modes import ControlMode
 from rtf.robot_testing import Limits, Safety, likely_causes
 from rtf.robot_testing.joints_test import JointsTest
 from rtf.robot_testing.judging.real_time_checks import loop_delay
+from rtf.robot_testing.judging.statistics import line_end
 from rtf.robot_testing.slides import converted, in_metres
 from rtf.testing import Parameter
 
@@ -35,7 +36,7 @@ _RESTS, _SLOWLY, _STANDS, _FAR = 0.5, 2.0, 1.5, 1.0
 #: Share of that way that is gone then, and its tolerance, %: a joint lags behind its setpoint until the controller
 #: overcomes its friction. The same tolerance holds for what it still goes after the stop.
 _MIDDLE, _MISSES = 50.0, 25.0
-#: The number of readings from which a position in motion is known: 0.2 s of the states of an iCub.
+#: The number of readings from which a position is known, 0.2 s of an iCub: a joint that is shaken is elsewhere in each.
 _READINGS = 20
 
 
@@ -119,7 +120,7 @@ class MovementReferencesTest(JointsTest):
         part, board = self.robot_part, self.robot_part.board
         with part.recorded() as trace:
             part.wait(_RESTS, pace=_PACE)
-        here = _last(trace.positions)
+        here = line_end(trace.positions[-_READINGS:])
         ways = part.home - here
         joints = [joint for joint in self.chosen if abs(ways[joint]) >= _FAR]
         if not joints:
@@ -135,7 +136,7 @@ class MovementReferencesTest(JointsTest):
             late = loop_delay([began, self.now()], _SLOWLY / 2.0)
             part.wait(_STANDS, pace=_PACE)
         positions = trace.positions[:, joints]
-        middle, stood = _last(positions[:before]), _last(positions)
+        middle, stood = line_end(positions[:before][-_READINGS:]), line_end(positions[-_READINGS:])
         board.set_reference_speeds(self.speeds[joints], joints)
         for joint in joints:
             course = part.column(joint, trace.positions[:, joint])
@@ -264,14 +265,6 @@ class MovementReferencesTest(JointsTest):
                         self.end_if_disturbed(joint, wrong)
                 hint = f"{wrong}; {likely_causes(*findings)}"
                 self.measure(what, value, unit, low=expected - tolerance, high=expected + tolerance, hint=hint)
-
-
-def _last(positions: FloatArray) -> FloatArray:
-    """Return where lines through the last readings end (deg): a joint that is shaken is elsewhere in each of them."""
-    recent = positions[-_READINGS:]
-    slope, middle = np.polyfit(np.arange(len(recent)) - (len(recent) - 1) / 2.0, recent, 1)
-    end: FloatArray = middle + slope * (len(recent) - 1) / 2.0
-    return end
 
 
 #: The findings about motion.

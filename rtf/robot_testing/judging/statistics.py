@@ -56,6 +56,17 @@ def fit_line(x: ArrayLike, y: ArrayLike, level: float = CONFIDENCE) -> Fit:
     return Fit(slope, offset, student(level, freedom) * error, rms, largest, correlation, xs.size)
 
 
+def line_end(values: FloatArray) -> FloatArray:
+    """Return where the line through values at equal intervals ends, for each column of (values, columns).
+
+    NaN for a column with NaN; there must be a value at least.
+    """
+    steps = np.arange(len(values)) - (len(values) - 1) / 2.0
+    slopes = steps @ values / max(float(steps @ steps), 1.0)  # of a single value: 0
+    end: FloatArray = values.mean(axis=0) + slopes * steps[-1]
+    return end
+
+
 class Periods(NamedTuple):
     """Statistics of the periods of a stream (s). ``rate`` is the number of intervals over their sum (Hz).
 
