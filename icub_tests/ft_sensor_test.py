@@ -21,7 +21,11 @@ from rtf.robot_testing.streams.sensor_streams import MEASURES, names_of, reading
 from rtf.testing import Parameter
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rtf.robot.interfaces import FloatArray
+    from rtf.robot_testing.motion.part import Part
+    from rtf.robot_testing.motion.trace import Trace
     from rtf.robot_testing.streams.stream_statistics import Stream
 
 _CHANNELS = 6
@@ -72,6 +76,8 @@ class FtSensorTest(RateTest):
     # Three times the weight of a whole iCub.
     saturation = Parameter(float, "force at which the sensor saturates", unit="N", default=1000.0, low=0.0)
 
+    _motion: Sequence[tuple[Part, Trace]] = ()  # what the joints did while the sensors were read
+
     def setup(self) -> None:
         """Find the sensors."""
         super().setup()
@@ -104,12 +110,28 @@ class FtSensorTest(RateTest):
 
     def run(self) -> None:
         """Read all of them at the same time, and judge each."""
+        parts = self._parts_above(self.ports)  # first: it takes time, in which streams would be recorded
         there = [name for name in self.ports if self.open_stream(name, keep=True)]
-        if there:
-            self.listen(self.time)
+        with ExitStack() as recording:
+            self._motion = [(part, recording.enter_context(part.recorded())) for part in parts]
+            if there:
+                self.listen(self.time)
         for name in there:
             with self.subresult(name):
                 self._judge(name)
+
+    def _parts_above(self, ports: Sequence[str]) -> list[Part]:
+        """Open the parts of the robot that carry the sensors, those that are there."""
+        robot, known = robot_model(self), self.network.names
+        places = [place for port in ports for place in self._places(port)]
+        names = dict.fromkeys(name for place in places for name in parts_above(robot, place))
+        there = [name for name in names if known.query(f"/{self.robot_name}/{name}/stateExt:o") is not None]
+        return [self.open_part(name) for name in there]
+
+    def _places(self, port: str) -> list[str]:
+        if not port.endswith(MEASURES):
+            return [self._place(port)]
+        return [place_of(robot_model(self), name) for name in self._names(port)]
 
     def _judge(self, name: str) -> None:
         found = self.judged(self.listener.recorders[name].messages, self.time, name)
@@ -140,10 +162,10 @@ class FtSensorTest(RateTest):
             time=(times, "s"),
             **{axis.replace(" ", "_"): (values[:, k], _UNITS[k]) for k, axis in enumerate(_NAMES)},
         )
-        self._judge_noise(name, place, values)
+        self._judge_noise(name, values)
         self._judge_load(name, place, values.mean(axis=0))
 
-    def _judge_noise(self, name: str, place: str, values: FloatArray) -> None:
+    def _judge_noise(self, name: str, values: FloatArray) -> None:
         greatest = float(np.abs(values[:, :3]).max())
         hint = f"{name} is saturated, at the end of its range; {likely_causes('offset', 'noise')}"
         self.measure("greatest force", greatest, "N", high=self.saturation, hint=hint)
@@ -154,7 +176,7 @@ class FtSensorTest(RateTest):
             )
             deviation = _noise(values[:, axis])
             if deviation > high and moving is None:
-                moving = self._moving(place)
+                moving = self._moving()
             if deviation > high and moving:
                 self.inconclusive(f"{what} has a noise of {deviation:.2g} {symbol}; but {moving}")
             dead = f"does not change at all; {likely_causes('sensor frozen')}"
@@ -162,23 +184,19 @@ class FtSensorTest(RateTest):
             hint = f"{name}: {what} {dead if deviation < low else loud}"
             self.measure(f"noise of {what}", deviation, symbol, low=low, high=high, hint=hint)
 
-    def _moving(self, place: str) -> str:
-        """Return which joint shakes the parts of a sensor, else which moves farthest without a command; "" if none."""
-        parts = [self.open_part(part_name) for part_name in parts_above(robot_model(self), place)]
-        if not parts:
-            return ""
-        with ExitStack() as recording:
-            traces = [recording.enter_context(part.recorded()) for part in parts]
-            parts[0].wait(self.time)
+    def _moving(self) -> str:
+        """Return which joint has shaken the robot, else which moved farthest without a command; "" if none did."""
         found = []
-        for part, trace in zip(parts, traces, strict=True):
+        for part, trace in self._motion:
             for joint, positions in enumerate(trace.positions.T):
                 way = float(np.ptp(positions))
                 if way > _MOVES or jitter(positions) > _JUMPS:
-                    found.append((way, f"{part.names[joint]} moves to and fro by {part.shown(joint, way)}"))
+                    found.append((way, f"{part.names[joint]} moves by {part.shown(joint, way)}"))
         if not found:
             return ""
-        cause = next((one.text for part in parts for one in accused(stop_evidence(part)).values()), max(found)[1])
+        cause = next(
+            (one.text for part, _ in self._motion for one in accused(stop_evidence(part)).values()), max(found)[1]
+        )
         return f"it was disturbed: {cause}"
 
     def _judge_load(self, name: str, place: str, mean: FloatArray) -> None:
