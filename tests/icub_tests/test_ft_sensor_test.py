@@ -18,6 +18,8 @@ CASES = {
     "noisy": "ft_noise right_foot",
     "elsewhere": "imu_rotated imu",
     "shaken": "backlash l_elbow",
+    "jitters": "encoder_noise l_elbow",
+    "falls": "motor_dead l_elbow",
 }
 EXPECTED = f"""
 <test name="expected"> <parameter name="portname">{PORT}</parameter>
@@ -78,6 +80,13 @@ def test_a_sensor_is_not_failed_for_a_limb_that_shakes(outcome):
     assert outcome.verdict("shaken") is Verdict.INCONCLUSIVE
     assert outcome.detail("shaken").startswith("/icubSim/left_arm/analog:o: force x has a noise of")
     assert "but it was disturbed: l_elbow: joint and motor encoder disagree" in outcome.detail("shaken")
+
+
+def test_a_sensor_is_not_failed_for_a_limb_that_falls_or_jitters(outcome):
+    """Nor is one on the other side of the robot, which has the jitter by the torso."""
+    assert outcome.verdict("falls") in {Verdict.PASSED, Verdict.INCONCLUSIVE}, outcome.detail("falls")
+    assert outcome.verdict("jitters") is Verdict.INCONCLUSIVE, outcome.detail("jitters")
+    assert "but it was disturbed: the encoders of l_elbow and of its motor were apart" in outcome.detail("jitters")
 
 
 def test_each_sensor_of_a_message_of_many_has_its_own_load(outcome, measured):
