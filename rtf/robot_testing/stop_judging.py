@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NoReturn
 
+from rtf.robot.errors import RobotError
 from rtf.robot_testing.judging.blame import Evidence, Strength, accused, blame, settle
 from rtf.robot_testing.motion.stop_evidence import complaint_of_stop, stop_evidence
 from rtf.testing import TestCase
@@ -118,6 +119,9 @@ class StopJudging(TestCase):
             self.blame(part, error)
         except (TestFailure, Inconclusive) as judged:
             return judged
+        except RobotError as problem:
+            self.warn(f"{part.name} does not tell whose fault a stop was: {problem}")
+            return error
 
     def blame(
         self,

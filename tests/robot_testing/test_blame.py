@@ -5,13 +5,14 @@ from __future__ import annotations
 import sys
 from contextlib import ExitStack
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 import pytest
 
 from rtf.middleware.clocks.network_clock import LockstepClock
 from rtf.robot.control_modes import ControlMode
+from rtf.robot.errors import RobotError
 from rtf.robot_testing import GuardError
 from rtf.robot_testing.joints_test import command_at
 from rtf.robot_testing.judging.real_time_checks import RecentCpuPressure
@@ -203,6 +204,23 @@ def test_a_stop_for_which_a_test_is_not_prepared_is_judged_by_the_evidence(
         raise GuardError("joint1 turns too fast; it was stopped", 1, part_name="/fake")
     assert failures(said)["move"].startswith("the motor of joint0 does not turn at a duty cycle of +100 %; likely: ")
     assert "joint1 turns too fast" in failures(said)["move"]
+
+
+def test_a_stop_counts_as_it_is_if_its_part_tells_no_more(
+    bench: PartBench, said: list[Event], made: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+):
+    """Such as a board that was lost."""
+
+    def lost(*_: object) -> NoReturn:
+        raise RobotError("no answer")
+
+    monkeypatch.setattr("rtf.robot_testing.stop_judging.stop_evidence", lost)
+    test = made(_parts={"fake": bench.part})
+    with test.subresult("move"):
+        raise GuardError("joint1 turns too fast; it was stopped", 1, part_name="/fake")
+    assert failures(said) == {"move": "joint1 turns too fast; it was stopped"}
+    warnings = [one.detail for one in said if isinstance(one, Message) and one.severity is Severity.WARNING]
+    assert warnings == ["fake does not tell whose fault a stop was: no answer"]
 
 
 @pytest.mark.parametrize(("joints", "verdict"), [((1,), Verdict.FAILED), ((0,), Verdict.INCONCLUSIVE)])
