@@ -62,7 +62,7 @@ def line_end(values: FloatArray) -> FloatArray:
     NaN for a column with NaN; there must be a value at least.
     """
     steps = np.arange(len(values)) - (len(values) - 1) / 2.0
-    slopes = steps @ values / max(float(steps @ steps), 1.0)  # of a single value: 0
+    slopes = steps @ values / (float(steps @ steps) or 1.0)  # of a single value: 0
     end: FloatArray = values.mean(axis=0) + slopes * steps[-1]
     return end
 

@@ -201,14 +201,24 @@ HANGING = {
     "opens.lua": ("io.open('/etc/passwd')", "attempt to index a nil value"),
     "digs.lua": ("return thing._message", "_message is closed to scripts"),
 }
+#: Those that only the time ends.
+ENDLESS = {"loops.py", "catches.py", "catches.lua"}
 
 
 @pytest.mark.parametrize("name", HANGING)
 def test_a_script_that_fails_ends_its_monitoring_and_nothing_else(
-    network: Network, reader: Port, got: list[str], said: list[str], folder: Path, name: str
+    network: Network,
+    reader: Port,
+    got: list[str],
+    said: list[str],
+    folder: Path,
+    name: str,
+    monkeypatch: pytest.MonkeyPatch,
 ):
     """It is told why, and the messages pass as they are."""
     body, reason = HANGING[name]
+    if name not in ENDLESS:  # these fail by themselves, however slow this machine is
+        monkeypatch.setattr(attached, "LIMIT", 60.0)
     file, kind = name.split(".")
     if kind == "py":
         head = "from rtf.middleware.monitors import PortMonitor\nclass Monitor(PortMonitor):\n"
