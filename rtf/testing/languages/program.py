@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 #: Seconds a program has between SIGTERM and SIGKILL when its test is stopped; less than the runner gives the test.
 GRACE = 1.0
 
+#: Seconds between looks at signals, which ask for the end: one that comes just before the wait does not interrupt it.
+_LOOKS = 0.25
 _CHUNK = 64 * 1024
 #: The largest pipe an unprivileged process can have: what may still be unread when the program has ended.
 _PIPE = 1 << 20
@@ -149,7 +151,7 @@ def _follow(program: subprocess.Popen[bytes], take: Callable[[bytes], object], d
     sources = [ended, out]
     try:
         while not deadline.expired:
-            ready, _, _ = select.select(sources, [], [], None if deadline.at == clock.FOREVER else deadline.remaining())
+            ready, _, _ = select.select(sources, [], [], min(deadline.remaining(), _LOOKS))
             if ended in ready:
                 _drain(out, take)
                 return
