@@ -96,8 +96,8 @@ class FtSensorPostures(StreamTest):
 
     def _can_move(self, sensor: _Sensor) -> bool:
         """Return whether all parts above a sensor are there; say so if not."""
-        names = [f"/{self.robot_name}/{part}" for part in parts_above(self.model, sensor.place)]
-        missing = [name for name in names if self.network.names.query(f"{name}/stateExt:o") is None]
+        names = parts_above(self.model, sensor.place)
+        missing = [f"/{self.robot_name}/{name}" for name in names if not self.has_part(name)]
         if missing:
             self.report(f"{sensor.name} is not judged: there is no {', '.join(missing)}")
         return not missing

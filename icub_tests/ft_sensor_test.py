@@ -122,11 +122,10 @@ class FtSensorTest(RateTest):
 
     def _parts_above(self, ports: Sequence[str]) -> list[Part]:
         """Open the parts of the robot that carry the sensors, those that are there."""
-        robot, known = robot_model(self), self.network.names
+        robot = robot_model(self)
         places = [place for port in ports for place in self._places(port)]
         names = dict.fromkeys(name for place in places for name in parts_above(robot, place))
-        there = [name for name in names if known.query(f"/{self.robot_name}/{name}/stateExt:o") is not None]
-        return [self.open_part(name) for name in there]
+        return [self.open_part(name) for name in names if self.has_part(name)]
 
     def _places(self, port: str) -> list[str]:
         if not port.endswith(MEASURES):

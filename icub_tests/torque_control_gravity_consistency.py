@@ -84,10 +84,7 @@ class TorqueControlGravityConsistency(RobotTest):
         self.chosen = torque_joints(self, part, self.joints)
         unknown = [part.names[joint] for joint in self.chosen if part.names[joint] not in self.gravity]
         self.assert_error_if_true(unknown, f"the model has no joint {', '.join(unknown)}")
-        self.others = [self.open_part(name) for name in _PARTS if name != self.part and self._is_there(name)]
-
-    def _is_there(self, name: str) -> bool:
-        return self.network.names.query(f"/{self.robot_name}/{name}/stateExt:o") is not None
+        self.others = [self.open_part(name) for name in _PARTS if name != self.part and self.has_part(name)]
 
     def run(self) -> None:
         """Measure all postures; then judge joint by joint."""

@@ -172,6 +172,7 @@ class RobotTest(StopJudging):
         self._report_other_robot()
         if unvalidated := robot_model(self).unvalidated:
             self.report(unvalidated)
+        self._parts = {}
         self.clock = clock_from_environment(self.network)
         used = clock.use(self.clock)
         used.__enter__()
@@ -203,6 +204,10 @@ class RobotTest(StopJudging):
             self.skip("the operator did not permit the robot to move")
         record.record_permission(self.robot_name, may_move=True)
         self._may_move = True
+
+    def has_part(self, name: str) -> bool:
+        """Return whether a part of the robot is registered at the name server."""
+        return self.network.names.query(f"/{self.robot_name}/{name}/stateExt:o") is not None
 
     def open_part(self, name: str) -> Part:
         """Return a part of the robot. The first call opens it, the clean-up restores it.
