@@ -114,7 +114,7 @@ class ControlledApplication:
         self.variables = variables
         self._factory = factory
         self._lock = threading.RLock()  # of what is run
-        self._idle = threading.Condition(self._lock)
+        self._released = threading.Condition(self._lock)
         self._telling = threading.Lock()  # of what happened
         self._manager: Manager | None = None
         self._session: Session | None = None
@@ -260,7 +260,6 @@ class ControlledApplication:
             finally:
                 with self._lock:
                     self._working -= 1
-                    self._idle.notify_all()
 
         with self._lock:
             self._working += 1
@@ -270,11 +269,10 @@ class ControlledApplication:
 
     def _take_over(self) -> Manager:
         """Return the manager; one is made if there is none. Raises RtfError."""
+        # what was saved is used as soon as nothing runs: the thread that watches looks at that, and ends the manager
+        self._released.wait_for(self._is_settled, _ENDING)
         if self._runner:
             raise ApplicationError(f"process {self._runner} runs the application; stop it first")
-        if self._saved and not any(unit.active for unit in self._units()):
-            self._idle.wait_for(lambda: not self._working, _ENDING)  # a stop that has stopped all, and is about to end
-            self._release()
         if self._saved:
             raise ApplicationError("the application still runs as it was before it was saved; stop it first")
         if self._manager is None:
@@ -292,8 +290,12 @@ class ControlledApplication:
             self._before = {}
         return self._manager
 
+    def _is_settled(self) -> bool:
+        """Return whether the manager is not about to end for what was saved."""
+        return bool(self._runner) or not self._saved or any(unit.active for unit in self._units())
+
     def _release(self) -> None:
-        """Close the manager, so that others can run the application."""
+        """Close the manager, so that others can run the application. By the thread that watches, and at the end."""
         with self._lock:
             if self._manager is None or self._working:
                 return
@@ -306,6 +308,7 @@ class ControlledApplication:
                 self._session.close()
                 self._session = None
             self._use_file()
+            self._released.notify_all()
 
     def close(self) -> None:
         """Stop what the page has started, and end all threads."""
@@ -346,8 +349,9 @@ class ControlledApplication:
 
     def _watch_own(self, manager: Manager) -> None:
         manager.watch_once()
-        if not any(unit.active for unit in manager.units):
-            self._release()
+        with self._lock:  # nothing is begun meanwhile
+            if not any(unit.active for unit in manager.units):
+                self._release()
 
     def _watch_other(self) -> None:
         """Look at what another process runs, if there is one."""

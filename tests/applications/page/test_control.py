@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import threading
+from contextlib import closing
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import pytest
 
 from lab import LabFactory, module, needs, shell
+from rtf.applications.deployer import DeployerContext
 from rtf.applications.errors import ApplicationError
 from rtf.applications.events import Kind
+from rtf.applications.manager import Manager
 from rtf.applications.page.control import ControlledApplication
 from rtf.applications.page.document import read_document
 from rtf.applications.run.client import RunClient
@@ -23,6 +27,9 @@ from waiting import eventually
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
+
+    from rtf.applications.events import Say
+    from rtf.applications.xml.model import Application
 
 CONNECTION = "<connection><from>/a</from><to>/b</to></connection>"
 
@@ -151,6 +158,57 @@ def test_saved_changes_are_used_when_all_is_stopped(bench: Callable[[str], Bench
     document, _ = read_document(lab.path)
     lab.controlled.save(msgspec.structs.replace(document, modules=()))
     lab.controlled.run(None)
+
+
+class HesitantManager(Manager):
+    """Before it looks the first time, it gives others half a second to close it."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.looks = threading.Event()
+        self.is_closed = threading.Event()
+
+    def watch_once(self) -> None:
+        """Look, after a while."""
+        self.looks.set()
+        self.is_closed.wait(0.5)
+        super().watch_once()
+
+    def close(self) -> None:
+        """Close."""
+        super().close()
+        self.is_closed.set()
+
+
+class HesitantFactory(LabFactory):
+    """Its first manager is hesitant."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder)
+        self.first: HesitantManager | None = None
+
+    def manager(self, application: Application, said: Say, *, attached: bool = False) -> Manager:
+        """Make it."""
+        if self.first is not None:
+            return super().manager(application, said, attached=attached)
+        self.first = HesitantManager(application, DeployerContext(self.network, self.network, "/app/page"), said)
+        return self.first
+
+
+def test_a_manager_is_not_ended_while_it_is_looking(tmp_path: Path):
+    """A run that comes after a save, while a manager looks for what was left, waits for its look."""
+    path = tmp_path / "lab.xml"
+    path.write_text(f"<application><name>lab</name>{module('sleep', '60')}</application>")
+    factory = HesitantFactory(tmp_path)
+    with closing(ControlledApplication(path, {}, factory)) as controlled:
+        eventually(lambda: factory.first is not None and factory.first.looks.is_set(), "nothing is looked for")
+        document, _ = read_document(path)
+        changed = msgspec.structs.replace(document.modules[0], parameters="70")
+        controlled.save(msgspec.structs.replace(document, modules=(changed,)))
+        controlled.run(None)
+        eventually(lambda: controlled.status().modules["sleep700"][0] == "running", "it does not run")
+        controlled.stop(None)
+        eventually(lambda: controlled.status().modules["sleep700"][0] == "stopped", "it is not stopped")
 
 
 def test_an_application_of_another_process_is_watched(bench: Callable[[str], Bench], tmp_path: Path):
