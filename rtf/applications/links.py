@@ -31,6 +31,7 @@ class Links:
         self._network = network
         self._said = said
         self._ending = ending or threading.Event()
+        self._changing = threading.Lock()  # a connection is made or ended: who ends it waits until it is made
         self._wanted: set[Connection] = set()
         self._made: set[Connection] = set()
 
@@ -54,20 +55,26 @@ class Links:
                 self._say(Kind.FAILED, f"nothing is connected: {error}")
             return False
         for connection in [one for one in self._known if one in self._wanted - self._made]:
-            if self._ending.is_set():
-                continue
-            gone = [end.port for end in (connection.source, connection.target) if end.port not in known]
-            reason = f"{' and '.join(gone)} {'is' if len(gone) == 1 else 'are'} not open" if gone else ""
-            try:
-                if not gone:
-                    connections.connect(self._network, connection)
-                    self._made.add(connection)
-                    self._say(Kind.CONNECTED, f"{connection} is connected by {connection.carrier}")
-            except MiddlewareError as error:
-                reason = str(error)
+            with self._changing:
+                if self._ending.is_set() or connection not in self._wanted:
+                    continue
+                reason = self._make_one(connection, known)
             if reason and last:
                 self._say(Kind.FAILED, f"{connection} is not connected: {reason}")
         return self._made >= self._wanted
+
+    def _make_one(self, connection: Connection, known: set[str]) -> str:
+        """Make a connection. Returns why that was not possible."""
+        gone = [end.port for end in (connection.source, connection.target) if end.port not in known]
+        if gone:
+            return f"{' and '.join(gone)} {'is' if len(gone) == 1 else 'are'} not open"
+        try:
+            connections.connect(self._network, connection)
+        except MiddlewareError as error:
+            return str(error)
+        self._made.add(connection)
+        self._say(Kind.CONNECTED, f"{connection} is connected by {connection.carrier}")
+        return ""
 
     def disconnect(self, some: Iterable[Connection] | None = None) -> bool:
         """End the connections that exist, or ``some`` of them. Returns whether all could be ended.
@@ -77,10 +84,12 @@ class Links:
         done = True
         ended = self._known if some is None else [*some]
         self._wanted -= {*ended}
-        self._made -= {*ended}
         for connection in ended:
             try:
-                if connections.disconnect(self._network, connection):
+                with self._changing:
+                    self._made.discard(connection)
+                    is_ended = connections.disconnect(self._network, connection)
+                if is_ended:
                     self._say(Kind.STOPPED, f"{connection} is disconnected")
             except NameServerError as error:  # which knows nothing of all others either
                 self._say(Kind.FAILED, f"connections are not ended: {error}")

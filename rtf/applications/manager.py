@@ -330,8 +330,8 @@ class Manager:
         """Look at modules and connections, report, and begin to restart what is to be restarted."""
         self.watch_modules()
         if self._linking is not None and self._linking.done():
-            self._linking.result()
-            self._linking = None
+            done, self._linking = self._linking, None
+            done.result()
         if self._linking is None and clock.monotonic() >= self._look_at_links:
             self._look_at_links = clock.monotonic() + _LOOK_AT_LINKS
             self._linking = self._pool.submit(self.links.watch)

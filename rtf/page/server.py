@@ -77,8 +77,8 @@ class Runner:
             record = json.loads(line)
             if "over" in record:
                 watch.finish()
-            elif (answer := self._waiting.get(record["id"])) is not None:
-                answer.set_result(record)
+            elif (answer := self._waiting.get(record["id"])) is not None and not answer.done():
+                answer.set_result(record)  # unless its time has ended in the same turn of the loop
 
 
 class Server(uvicorn.Server):

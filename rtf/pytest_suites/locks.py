@@ -45,9 +45,13 @@ class FixtureLocks:
         if locks and self._descriptor < 0:
             flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
             self._descriptor = os.open(self._path, flags, 0o600)
-        for offset, kind in locks:
-            fcntl.lockf(self._descriptor, kind, 1, offset)
-            self._held.append(offset)
+        try:
+            for offset, kind in locks:
+                fcntl.lockf(self._descriptor, kind, 1, offset)
+                self._held.append(offset)
+        except BaseException:  # what waits for a part of them has none
+            self.release()
+            raise
 
     def release(self) -> None:
         """Release the locks."""

@@ -31,9 +31,11 @@ class Registration:
     def add(self, what: str, name: str, kind: str) -> list[str]:
         """Register a ``Publisher``, ``Subscriber`` or ``Service``; return the publishers for a subscriber.
 
-        Raises MasterError.
+        Raises MasterError, also when the node was closed.
         """
         with self._lock:
+            if self._over.is_set():
+                raise MasterError(f"the node {self._contents.path} is closed")
             found = self._register(what, name, kind)
             self._entries[what, name] = kind
         return found

@@ -46,18 +46,21 @@ class Subscription:
     def connect(self, publishers: Iterable[str]) -> None:
         """Connect to the publishers at these addresses, and keep the others."""
         with self._lock:
-            for uri in publishers:
-                if uri not in self._sources and not self._closed:
-                    self._sources[uri] = _Source(uri, self)
+            self._connect(publishers)
+
+    def _connect(self, publishers: Iterable[str]) -> None:
+        for uri in publishers:
+            if uri not in self._sources and not self._closed:
+                self._sources[uri] = _Source(uri, self)
 
     def update(self, publishers: Iterable[str]) -> None:
         """Connect to the publishers at these addresses, and to no others."""
         wanted = dict.fromkeys(publishers)
         with self._lock:
             gone = [self._sources.pop(uri) for uri in [*self._sources] if uri not in wanted]
+            self._connect(wanted)
         for source in gone:
             source.close()
-        self.connect(wanted)
 
     @property
     def publishers(self) -> int:

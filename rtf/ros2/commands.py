@@ -178,7 +178,7 @@ class CommandedPart:
 
     def _obey(self, command: Command) -> None:
         """Do what a command says, until it is done or another one has come. Raises RobotError, Ros2Error."""
-        self._enter(_MODES[command.interface])
+        self._enter(command)
         begun = clock.current().now()
         while self._is_present(command):
             now = clock.current().now()
@@ -201,15 +201,19 @@ class CommandedPart:
         self._sent_at = now
         self._board.set_positions(self._setpoint)
 
-    def _enter(self, mode: ControlMode) -> None:
+    def _enter(self, command: Command) -> None:
         """Bring the board into a mode if the last command had another; a joint that has left it is not put back."""
-        board = self._board
+        board, mode = self._board, _MODES[command.interface]
         if self._mode is not mode:
             board.set_control_modes(mode)
             deadline = clock.Deadline.after(_CHANGE)
             while any(one is not mode for one in board.control_modes()) and not deadline.expired:
                 clock.SystemClock().sleep(_PERIOD)
-            self._setpoint, self._mode = board.encoders(), mode
+            positions = board.encoders()
+            with self._changed:
+                if self._command is not command:  # it was stopped meanwhile, or there is another one
+                    return
+                self._setpoint, self._mode = positions, mode
         for joint, found in zip(self.joints, board.control_modes(), strict=True):
             if found is not mode:
                 raise Ros2Error(f"{joint.name} is in the mode {found.word}, not {mode.word}")

@@ -108,8 +108,10 @@ class ServiceClient(Generic[Q, A]):
             return self._await(self._response, deadline, f"the service {self.name} did not answer in {timeout:g} s")
 
     def close(self) -> None:
-        """Have a call that waits fail."""
+        """Have a call that waits fail, and wait until it has."""
         self._ends.close()
+        with self._calling:
+            pass
 
     def _is_there(self) -> bool:
         return bool(self._ends.writer.get_matched_subscriptions() and self._ends.reader.get_matched_publications())

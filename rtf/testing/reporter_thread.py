@@ -138,8 +138,9 @@ class ReporterThread:
         self.put(None)
 
     def _start(self) -> None:
-        self._thread = threading.Thread(target=self._work, name="rtf-reports", daemon=True)
-        self._thread.start()
+        thread = threading.Thread(target=self._work, name="rtf-reports", daemon=True)
+        thread.start()
+        self._thread = thread  # when it lives: the one that waits for the reporters looks at that
 
     def _watch(self) -> None:
         while not self._over.wait(_WATCH):

@@ -7,6 +7,7 @@ be used from any thread, and before the run has begun. Each accepted request bec
 from __future__ import annotations
 
 import contextlib
+import io
 import math
 import signal
 import sys
@@ -153,6 +154,8 @@ class Control:
         self.attend(asked)
 
     def _read_terminal(self) -> None:
+        if isinstance(sys.stdin, io.TextIOWrapper):
+            sys.stdin.reconfigure(errors="replace")  # a letter of another encoding is no reason to read no more
         for line in sys.stdin:
             for question in self.questions()[:1]:
                 try:

@@ -425,13 +425,13 @@ def test_time_out_of_the_suite(tmp_path: Path):
     """The running test is stopped as an error, the rest is not run, and the fixture is torn down."""
     outcome = run_suite(
         tmp_path,
-        '<suite name="s" timeout="1"><fixture>rig.py</fixture>'
+        '<suite name="s" timeout="3"><fixture>rig.py</fixture>'
         '<test name="a">t.py</test><test name="b">t.py</test></suite>',
         t__py=plugin(Row(Verdict.ERROR, run="time.sleep(60)")),
         rig__py=rig(),
     )
     assert verdicts(outcome) == [Verdict.ERROR, Verdict.NOT_RUN]
-    assert outcome.detail("b") == "the suite did not end within 1 s"
+    assert outcome.detail("b") == "the suite did not end within 3 s"
     assert log_of(tmp_path) == ["up", "setup", "run", "teardown", "clean", "down"]
     assert outcome.exit_code == ExitCode.FAILURES
 

@@ -200,7 +200,8 @@ class ControlledApplication:
                     raise ApplicationError(
                         f"process {self._runner} runs the application, and can be stopped only whole"
                     )
-                os.kill(self._runner, signal.SIGKILL if kill else signal.SIGTERM)
+                with suppress(ProcessLookupError):  # it has ended since the last look
+                    os.kill(self._runner, signal.SIGKILL if kill else signal.SIGTERM)
             elif manager is not None:
                 units = _chosen(manager, tags)
                 if tags is None:
@@ -373,14 +374,19 @@ class ControlledApplication:
             begun = clock.monotonic()
             if begun - self._asked > _ATTENTION:
                 continue
-            self._nodes.look(self._places())  # which waits for nothing
-            if begun < due:
-                continue
-            states = self._current_links().states()
-            self._linked = {key_of(connection): str(state) for connection, state in states}
-            self._rates = self._counted.rates([one for one, state in states if state is Link.CONNECTED])
-            now = clock.monotonic()
-            due = now + max(_LOOK_AT_LINKS, (now - begun) / _SHARE)
+            try:
+                self._nodes.look(self._places())  # which waits for nothing
+                if begun >= due:
+                    self._look_at_links()
+                    now = clock.monotonic()
+                    due = now + max(_LOOK_AT_LINKS, (now - begun) / _SHARE)
+            except RtfError as error:
+                self._say(Event(Kind.FAILED, str(error)))
+
+    def _look_at_links(self) -> None:
+        states = self._current_links().states()
+        self._linked = {key_of(connection): str(state) for connection, state in states}
+        self._rates = self._counted.rates([one for one, state in states if state is Link.CONNECTED])
 
     def _places(self) -> dict[str, Deployer | None]:
         """Return the nodes of modules, with their deployers as long as there is a manager."""

@@ -11,13 +11,9 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
-from typing import TYPE_CHECKING
 
 from rtf.applications.run.members import HELD_MARK, end_all, mark_of
 from rtf.testing.isolation import processes
-
-if TYPE_CHECKING:
-    from types import FrameType
 
 _PASSED_ON = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -39,19 +35,24 @@ def fork_server(grace: float) -> int | None:
 
 
 def _keep(server: int, grace: float) -> int:
-    def pass_on(signum: int, _frame: FrameType | None) -> None:
-        processes.signal_process(server, signum)
-
     processes.adopt_orphans()
-    for signum in _PASSED_ON:
-        if signal.getsignal(signum) is not signal.SIG_IGN:
-            signal.signal(signum, pass_on)
-    pid = status = 0
-    while pid != server:
-        pid, status = os.wait()
+    awaited = {signal.SIGCHLD, *(one for one in _PASSED_ON if signal.getsignal(one) is not signal.SIG_IGN)}
+    signal.pthread_sigmask(signal.SIG_BLOCK, awaited)  # each waits until it is asked for
+    while (status := _reap(server)) is None:
+        signum = signal.sigwait(awaited)
+        if signum != signal.SIGCHLD:
+            processes.signal_process(server, signum)
     end_all(_left, grace)
     exit_status, _ = processes.split_status(status)
     return 1 if exit_status is None else exit_status
+
+
+def _reap(server: int) -> int | None:
+    """Reap what has ended, and return the server's status if it has."""
+    while True:
+        pid, status = os.waitpid(-1, os.WNOHANG)
+        if pid in (0, server):
+            return status if pid else None
 
 
 def _left() -> list[int]:

@@ -6,6 +6,7 @@ import asyncio
 import secrets
 import threading
 from abc import ABC, abstractmethod
+from concurrent.futures import CancelledError
 from typing import TYPE_CHECKING, TypeVar
 
 import asyncssh
@@ -150,24 +151,30 @@ class SshConnection:
         self.host = host
         self._shell, self._running = _Shell(host), Lines(host)
         self._tasks: set[asyncio.Task[None]] = set()
+        self._lock = threading.Lock()  # of what follows
+        self._closed = False
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name=f"rtf-ssh {host}", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
-        """Close the connection. Programs at the other end run on."""
-        if self._thread.is_alive():
-            asyncio.run_coroutine_threadsafe(self._close(), self._loop).result()
-            self._loop.call_soon_threadsafe(self._loop.stop)
-            self._thread.join()
-            self._loop.close()
+        """Close the connection. Programs at the other end run on; requests that wait for an answer fail."""
+        with self._lock:
+            if self._closed:
+                return
+            self._closed = True
+        asyncio.run_coroutine_threadsafe(self._close(), self._loop).result()
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()
 
     async def _close(self) -> None:
+        others = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in others:
+            task.cancel()
+        await asyncio.gather(*others, return_exceptions=True)
         await self._shell.close()
         await self._running.close()
-        for task in [*self._tasks]:
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
 
     def run(self, script: Callable[[str], str]) -> bytes:
         """Run a script, which is made for a token, and return what it says."""
@@ -178,11 +185,15 @@ class SshConnection:
         return self._wait(self._start(script, program))
 
     def _wait(self, coroutine: Coroutine[None, None, T]) -> T:
-        if not self._thread.is_alive():
-            coroutine.close()
-            raise DeployerError(f"the connection to {self.host} was closed")
+        with self._lock:
+            if self._closed:
+                coroutine.close()
+                raise DeployerError(f"the connection to {self.host} was closed")
+            future = asyncio.run_coroutine_threadsafe(coroutine, self._loop)
         try:
-            return asyncio.run_coroutine_threadsafe(coroutine, self._loop).result()
+            return future.result()
+        except CancelledError:
+            raise DeployerError(f"the connection to {self.host} was closed") from None
         except TimeoutError:
             raise DeployerError(f"{self.host} did not answer by ssh in time") from None
         except asyncio.IncompleteReadError:

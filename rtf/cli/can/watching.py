@@ -92,7 +92,7 @@ def _tables(bus: CanBus, options: argparse.Namespace, deadline: clock.Deadline) 
             if text is not None:
                 rate = (one.frames - before.get(number, 0)) / (now - looked)
                 table.rows.append((f"{number:03X}", str(one.frames), f"{rate:.1f}", text))
-        before, looked = {number: one.frames for number, one in bus.traffic.items()}, now
+        before, looked = {number: one.frames for number, one in [*bus.traffic.items()]}, now
         yield [table]
 
 

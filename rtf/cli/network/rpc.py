@@ -230,10 +230,11 @@ class _Desk:
             answer = next(answers, None)
             if answer is None:
                 return
+            reply = typed_bottle(answer)
             with self._lock:
                 if self._open is not None:
                     self._open.discard(question)
-            question.settle(typed_bottle(answer))
+            question.settle(reply)
 
     def close(self) -> None:
         """Refuse all requests from now on, also those that wait."""

@@ -9,9 +9,9 @@ import contextlib
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeAlias
 
-from rtf.bottle import Bottle, Property, Vocab, as_int, as_string
+from rtf.bottle import Bottle, BottleError, Property, Vocab, as_int, as_string
 from rtf.middleware.carriers import registry
-from rtf.middleware.errors import ConnectError, MiddlewareError, NameNotFoundError
+from rtf.middleware.errors import ConnectError, MiddlewareError, NameNotFoundError, ProtocolError
 from rtf.middleware.ports.qos import Qos
 from rtf.middleware.wire.lines import TEXT_ACK, LineSender
 
@@ -47,7 +47,16 @@ def administer(network: Network, target: Contact, request: Bottle, patience: flo
     ``patience`` is how many seconds a wait for the port may take; None: the network's.
     """
     with talk(network, target, patience=patience) as ask:
-        return Bottle.parse(" ".join(ask("a", request.to_text())))
+        return admin_request(ask, request.to_text())
+
+
+def admin_request(ask: Ask, request: str) -> Bottle:
+    """Send an admin request over a text connection. Raises ProtocolError for a reply that is no bottle."""
+    reply = " ".join(ask("a", request))
+    try:
+        return Bottle.parse(reply)
+    except BottleError as error:
+        raise ProtocolError(f"a port answered {request} with {reply[:60]!r}: {error}") from None
 
 
 def describe(network: Network, target: Contact, label: str = "<ping>") -> list[str]:

@@ -83,23 +83,21 @@ def _look_at(network: Network, contact: Contact) -> PortState:
     try:
         with remote.talk(network, contact) as ask:
             before = clock.monotonic()
-            _administer(ask, "[ver]")
+            remote.admin_request(ask, "[ver]")
             latency = clock.monotonic() - before
-            targets = [*map(as_string, _administer(ask, "[list] [out]"))]
+            targets = [*map(as_string, remote.admin_request(ask, "[list] [out]"))]
             outputs = [Link(contact.name, target, _carrier(ask, target)) for target in targets]
             # The connection of this query is listed too, under a label that does not begin with a slash.
-            inputs = [source for source in map(as_string, _administer(ask, "[list] [in]")) if source.startswith("/")]
+            inputs = [
+                source for source in map(as_string, remote.admin_request(ask, "[list] [in]")) if source.startswith("/")
+            ]
     except MiddlewareError:
         return PortState(contact)
     return PortState(contact, latency, tuple(outputs), tuple(inputs))
 
 
-def _administer(ask: remote.Ask, request: str) -> Bottle:
-    return Bottle.parse(" ".join(ask("a", request)))
-
-
 def _carrier(ask: remote.Ask, target: str) -> str:
-    return as_string(_administer(ask, f"[list] [out] {Bottle([target]).to_text()}").find("carrier"))
+    return as_string(remote.admin_request(ask, f"[list] [out] {Bottle([target]).to_text()}").find("carrier"))
 
 
 # Data rates ------------------------------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ import os
 import select
 import signal
 import socket
+import threading
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -88,6 +89,7 @@ class Child:
         self._pool = pool
         self._reactor = pool.reactor
         self._frames = Frames()
+        self._sending = threading.Lock()  # any thread may send an answer, while the channel is being closed
         here, there = socket.socketpair()
         out, its_out = os.pipe()
         err, its_err = os.pipe()
@@ -134,13 +136,18 @@ class Child:
     def send(self, message: msgspec.Struct) -> None:
         """Send a message to the child. If the child is gone, nothing happens; the reactor reports its end."""
         view = memoryview(messages.pack(message))
-        while view and not self.channel_closed:
-            try:
-                view = view[os.write(self._channel, view) :]
-            except BlockingIOError:
-                if not select.select([], [self._channel], [], _SEND_LIMIT)[1]:
+        while view:
+            with self._sending:
+                if self.channel_closed:
                     return
-            except OSError:
+                try:
+                    view = view[os.write(self._channel, view) :]
+                    continue
+                except BlockingIOError:
+                    pass
+                except OSError:
+                    return
+            if not select.select([], [self._channel], [], _SEND_LIMIT)[1]:
                 return
 
     def mark_as_host(self) -> None:
@@ -285,9 +292,10 @@ class Child:
 
     def _close_channel(self) -> None:
         if not self.channel_closed:
-            self.channel_closed = True
-            self._reactor.unwatch(self._channel)
-            os.close(self._channel)
+            with self._sending:
+                self.channel_closed = True
+                self._reactor.unwatch(self._channel)
+                os.close(self._channel)
             self._call_later(_DYING, self._note_cut_off)
 
     def _note_cut_off(self) -> None:

@@ -12,6 +12,9 @@ from rtf import clock
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+#: Seconds of a wait at most: a signal that comes just before it does not end it, and is looked at after it.
+_LOOK = 0.25
+
 
 class Reactor:
     """The one wait of a suite worker: for the first event among its files and its deadline.
@@ -45,12 +48,10 @@ class Reactor:
         self._later.pop(callback, None)
 
     def run_once(self, deadline: clock.Deadline) -> None:
-        """Wait until something happened or the deadline has come, and make the calls that are due."""
+        """Wait until something happened, or for a moment at most, and make the calls that are due."""
         for moment in self._later.values():
             deadline = deadline.earliest(moment)
-        remaining = deadline.remaining()
-        timeout = None if remaining == clock.FOREVER else remaining
-        for descriptor, _ in self._epoll.poll(timeout):
+        for descriptor, _ in self._epoll.poll(min(deadline.remaining(), _LOOK)):
             reader = self._callbacks.get(descriptor)
             if reader is not None:  # an earlier callback may have unwatched it
                 reader()

@@ -106,10 +106,13 @@ class FixtureProgram:
         parent = os.getpid()
 
         def tie() -> None:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
             processes.die_with_parent()
             if os.getppid() != parent:  # it died in between
                 os._exit(1)
 
+        # No signal ends this half-way: a program that runs has a thread that attends it, so that it can be stopped.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM, signal.SIGINT})
         try:
             self._process = subprocess.Popen(
                 self.words,
@@ -120,12 +123,14 @@ class FixtureProgram:
                 env=self._environ,
                 cwd=self._directory,
                 start_new_session=True,
-                preexec_fn=tie,  # noqa: PLW1509 - it makes two system calls and takes no lock
+                preexec_fn=tie,  # noqa: PLW1509 - it makes three system calls and takes no lock
             )
+            self._pidfd = os.pidfd_open(self._process.pid)
+            self._thread.start()
         except (OSError, ValueError) as error:
             raise FixtureUnusable(self._why_not(error)) from None
-        self._pidfd = os.pidfd_open(self._process.pid)
-        self._thread.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
     def _why_not(self, error: OSError | ValueError) -> str:
         file = self.words[0]
@@ -238,7 +243,10 @@ class FixtureProgram:
         if whole := [*(lines.feed(data) if data else lines.finish())]:
             text = "\n".join(whole)
             self._fixture.output(text, name)
-            self._heard(text)
+            try:
+                self._heard(text)
+            except Exception as error:  # noqa: BLE001 - of the fixture's author; the program is attended all the same
+                self._fixture.collapsed(f"what listens to {self.name} raised {type(error).__name__}: {error}")
         if not data:
             del self._streams[stream]
             stream.close()
