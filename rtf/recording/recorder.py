@@ -145,8 +145,9 @@ class Recorder:
 
     def _watch(self) -> None:
         while not self._closing.wait(_WATCH):
+            sources = [*self._sources.items()]  # before the inputs: one that is added now has its connection already
             there = {one.sender for one in self._port.inputs}
-            for source, carrier in [*self._sources.items()]:
+            for source, carrier in sources:
                 if source in there:
                     continue
                 if source in self._connected:

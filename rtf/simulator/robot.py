@@ -202,7 +202,7 @@ class SimulatedRobot:
             device, f"/{self.name}/{name}", network=self.network, period=period, outlets=self.outlets
         )
         opened.callback(made.close)  # type: ignore[attr-defined]  # every server has it
-        self.simulation.publish_regularly(made)
+        opened.callback(self.simulation.publish_regularly(made))  # ended first: with boards on CAN time goes on
 
     def _open_cameras(self, opened: ExitStack) -> None:
         from rtf.robot.sensors.camera import FrameGrabberServer

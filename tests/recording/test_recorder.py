@@ -169,6 +169,43 @@ def test_a_source_that_comes_back_is_recorded_again(tmp_path: Path, network: Net
     assert [sample.value for sample in read_all(tmp_path / "run")] == [Bottle([0]), Bottle([1])]
 
 
+def test_a_source_that_comes_while_the_recorder_looks_has_not_ended(
+    tmp_path: Path, network: Network, monkeypatch: pytest.MonkeyPatch
+):
+    """It is connected once, and its end is not reported."""
+    monkeypatch.setattr("rtf.recording.recorder._WATCH", 0.01)
+    told: list[str] = []
+    network.report = told.append
+    looked, connected, looked_again = threading.Event(), threading.Event(), threading.Event()
+
+    class Sources(dict[str, str]):
+        """The sources of a recorder, whose first look at them is late."""
+
+        def items(self):
+            if looked.is_set():
+                looked_again.set()
+            else:
+                looked.set()
+                connected.wait(30)
+            return super().items()
+
+    with (
+        create_store(tmp_path / "run") as store,
+        Port("/camera", network=network) as port,
+        Recorder(store, network=network) as recorder,
+    ):
+        recorder._sources = Sources()
+        assert looked.wait(30)
+        recorder.connect(Contact("/camera"))
+        connected.set()
+        assert looked_again.wait(30)
+        port.write(Bottle([1]))
+        recorder.close()
+    info = (tmp_path / "run/camera/info.log").read_text().splitlines()
+    assert [line.split(" ", 1)[1] for line in info] == ["Bottle;", "tx+rx;", "/camera [connected]"]
+    assert told == []
+
+
 def test_what_does_not_fit_into_memory_is_counted(tmp_path: Path, network: Network):
     """While the disk does not answer, messages wait up to the limit; the others are dropped, and no sender waits."""
     from rtf.recording.dumper import DumpFolder

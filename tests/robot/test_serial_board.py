@@ -201,8 +201,7 @@ def test_in_the_machines_time(firmware: Firmware, configuration: Property):
     with closing(board):
         board.set_reference_speeds(90.0, 0)
         board.position_move(5.0, 0)
-        eventually(lambda: abs(board.encoder(0) - 5.0) < 0.01, "the motor does not arrive")
-        assert board.encoder_times()[0] == pytest.approx(clock.current().now(), abs=0.2)
+        eventually(lambda: fresh(board) and arrived(board), "the motor does not arrive")
         firmware.script("mute")
         try:
             with pytest.raises(StaleStateError, match=f"{KIND}: the hardware has not answered for"):
@@ -210,6 +209,15 @@ def test_in_the_machines_time(firmware: Firmware, configuration: Property):
         finally:
             firmware.script("speak")
         eventually(lambda: fresh(board), "the board is not read again")
+
+
+def arrived(board: ControlBoard) -> bool:
+    """Whether its first motor is where it was sent; a busy machine may be too slow for a state that is new enough."""
+    try:
+        late = clock.current().now() - board.encoder_times()[0]
+        return abs(board.encoder(0) - 5.0) < 0.01 and abs(late) < 0.2
+    except StaleStateError:
+        return False
 
 
 def fresh(board: ControlBoard) -> bool:

@@ -44,8 +44,9 @@ class SocketWatcher:
                     poll.unregister(number)
             poll.register(number, select.EPOLLIN)
             if self._thread is None:
-                self._thread = threading.Thread(target=self._run, args=(poll,), name=self._name, daemon=True)
-                self._thread.start()
+                thread = threading.Thread(target=self._run, args=(poll,), name=self._name, daemon=True)
+                thread.start()
+                self._thread = thread  # now: if it cannot be started, the next call tries again
             self._changed.notify_all()
 
     def remove(self, watched: socket.socket) -> None:
@@ -89,7 +90,7 @@ class SocketWatcher:
                 if ready is not None:
                     try:
                         ready()
-                    except Exception as error:  # noqa: BLE001 - reported like that of any thread; the loop continues
+                    except BaseException as error:  # noqa: BLE001 - reported like that of any thread; the loop continues
                         told = type(error), error, error.__traceback__, threading.current_thread()
                         threading.excepthook(threading.ExceptHookArgs(told))
                 elif number == bell and self._is_done(bell):

@@ -50,11 +50,10 @@ class Stream(Inbox):
 
         The kernel measures the time: Python's own timeout costs one more system call per read.
         """
-        if self.socket.fileno() < 0:
-            return  # the socket was handed over to another owner
         value = _timeval.pack(0, 0) if seconds is None else _timeval.pack(int(seconds), max(1, int(seconds % 1 * 1e6)))
-        for option in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):
-            self.socket.setsockopt(socket.SOL_SOCKET, option, value)
+        with contextlib.suppress(OSError):  # it is closed, or was handed over to another owner
+            for option in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):
+                self.socket.setsockopt(socket.SOL_SOCKET, option, value)
 
     def run(self, steps: Steps[T]) -> T:
         """Carry out a part of a protocol: receive and send what it asks for. Return its result."""

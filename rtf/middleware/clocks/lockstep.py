@@ -135,6 +135,7 @@ class LockstepServer:
         """Let time advance again."""
         with self._changed:
             self._paused = False
+            self._step_until = None
             self._tell_all()
 
     # Participants of this process -------------------------------------------------------------------------------

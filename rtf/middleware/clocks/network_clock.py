@@ -148,6 +148,7 @@ class LockstepClock(Clock):
         self._members: list[_Member] = []
         self._lock = threading.Lock()
         self._left_at = 0.0  # the latest time of threads that have left
+        self._closed = False
         self._member()
 
     def _member(self) -> _Member:
@@ -159,6 +160,10 @@ class LockstepClock(Clock):
             member = self._local.member = _Member(self.server, self.name, self._network)
             with self._lock:
                 self._members.append(member)
+                closed = self._closed
+            if closed:
+                self.leave()
+                raise PortClosedError(f"the clock {self.server} is closed")
         return member
 
     def now(self) -> float:
@@ -181,13 +186,15 @@ class LockstepClock(Clock):
         if member is not None:
             self._local.member = None
             with self._lock:
-                self._members.remove(member)
+                if member in self._members:  # as long as the clock is not closed
+                    self._members.remove(member)
                 self._left_at = max(self._left_at, member.now)
             member.close()
 
     def close(self) -> None:
         """End the participation of all threads."""
         with self._lock:
+            self._closed = True
             members, self._members = self._members, []
         for member in members:
             member.close()

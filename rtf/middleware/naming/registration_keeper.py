@@ -45,15 +45,19 @@ class RegistrationKeeper:
         # Held while a name is restored or unregistered, so that no unregistered name is restored.
         self._changing = threading.RLock()
         self._needs_check = False
+        self._closed = False
         self._thread: threading.Thread | None = None
 
     def keep(self, record: Record) -> None:
         """Start keeping a registered port."""
         with self._changed:
+            if self._closed:
+                return
             self._records[record.contact.name] = record
             if self._thread is None:
-                self._thread = threading.Thread(target=self._run, name="rtf-names", daemon=True)
-                self._thread.start()
+                thread = threading.Thread(target=self._run, name="rtf-names", daemon=True)
+                thread.start()
+                self._thread = thread
 
     def note(self, name: str, key: str, values: Sequence[str]) -> None:
         """Record a property that was set for a port. Ignored for ports of other processes."""
@@ -92,6 +96,7 @@ class RegistrationKeeper:
     def close(self) -> None:
         """Stop keeping all ports."""
         with self._changing, self._changed:
+            self._closed = True
             self._records.clear()
             thread = self._thread
             self._changed.notify_all()
@@ -121,8 +126,12 @@ class RegistrationKeeper:
             with self._changing:
                 record = self._records.get(name)
                 if record is not None and self._missing(record):
-                    self._restore(record)
-                    record.announcement_missing = False
+                    record.announcement_missing = False  # first: an announcement may fail meanwhile
+                    try:
+                        self._restore(record)
+                    except MiddlewareError:
+                        record.announcement_missing = record.announced
+                        raise
 
     def _missing(self, record: Record) -> bool:
         """Return whether the server does not know one of our ports, or lacks its announcement."""

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 _CLOSING = 5.0
+#: Seconds that the message in transit has at the end of its connection.
+_LAST = 1.0
 
 
 class Received(NamedTuple, Generic[T]):
@@ -38,7 +40,8 @@ class BufferedPort(Port, Generic[T]):
 
     A received object is stored until it is read: only the newest, or, if ``strict``, all of them in order. With a
     ``callback``, each object is passed to it in a separate thread instead. ``replier`` answers messages that want a
-    reply. A message that the codec cannot decode closes the sender's connection.
+    reply. A message that the codec cannot decode closes the sender's connection. A reader that takes more than
+    ``patience`` s for a message is removed; with None, those who wait for it wait without limit.
     """
 
     def __init__(
@@ -52,9 +55,11 @@ class BufferedPort(Port, Generic[T]):
         network: Network | None = None,
         inputs: bool = True,
         outputs: bool = True,
+        patience: float | None = None,
     ) -> None:
         self.codec = codec
         self.strict = strict
+        self._patience = patience
         self.dropped = 0
         self._queue: deque[Received[T]] = deque()
         self._arrived = threading.Condition()
@@ -117,7 +122,12 @@ class BufferedPort(Port, Generic[T]):
         assert self._callback is not None
         while not self._ended:
             with contextlib.suppress(PortClosedError):
-                self._callback(self.receive())
+                received = self.receive()
+                try:
+                    self._callback(received)
+                except Exception as error:  # noqa: BLE001 - reported like that of any thread; the next object is passed on
+                    told = type(error), error, error.__traceback__, threading.current_thread()
+                    threading.excepthook(threading.ExceptHookArgs(told))
             with self._arrived:
                 self._arrived.wait_for(lambda: self._ended or not self.interrupted)
 
@@ -161,6 +171,8 @@ class BufferedPort(Port, Generic[T]):
 
     def connected(self, output: Output) -> None:
         """Start a sender thread for the output."""
+        if self._patience is not None:
+            output.link.limit_waiting(self._patience)
         with self._lock:
             if output in self._outputs:  # it may have been removed in the meantime
                 self._senders[output] = Sender(output, self._lost)
@@ -170,6 +182,7 @@ class BufferedPort(Port, Generic[T]):
             sender = self._senders.pop(output, None)
         if sender is not None:
             sender.close()
+            sender.join(_LAST)  # it sends the message in transit
 
     def close(self) -> None:
         with self._lock:

@@ -123,15 +123,17 @@ class Output(Connection):
 
     def close(self, *, politely: bool = True) -> None:
         """End the connection; ``politely`` tells the peer first, if no other thread is waiting in it."""
-        if self.monitor is not None:
-            self.monitor.end()
-        if not politely or not self.lock.acquire(timeout=1.0):
-            self.link.close(politely=False)  # another thread is waiting in it: that wait ends now
-            return
         try:
-            self.link.close()
+            if not politely or not self.lock.acquire(timeout=1.0):
+                self.link.close(politely=False)  # another thread is waiting in it: that wait ends now
+                return
+            try:
+                self.link.close()
+            finally:
+                self.lock.release()
         finally:
-            self.lock.release()
+            if self.monitor is not None:
+                self.monitor.end()  # last: it looks at a message that is sent meanwhile
 
 
 def connect(network: Network, port: CarrierPort, target: Contact) -> Output:

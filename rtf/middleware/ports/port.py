@@ -109,7 +109,7 @@ class Port:
         SHARED_LISTENER.add(self._listening, self._called)
         try:
             self.network.names.announce(self.contact.name)
-        except MiddlewareError:
+        except BaseException:  # such as a stop of the test
             self.close()
             raise
 
@@ -157,19 +157,21 @@ class Port:
     def _message(self, value: object, codec: Codec[Any] | None, envelope: str | None) -> OutgoingMessage | None:
         """Return an object as a message to the outputs, and keep it for the page; None if there are no outputs."""
         self._check_open()
-        if envelope is not None:
-            self.envelope = envelope
+        if envelope is None:
+            envelope = self.envelope
+        self.envelope = envelope
         if not self._outputs:
             return None
         codec = codec or codec_of(value)
-        message = self._last.written = OutgoingMessage("D", value, codec, self.network.dialect, self.envelope)
+        message = self._last.written = OutgoingMessage("D", value, codec, self.network.dialect, envelope)
         return message
 
     def _lost(self, output: Output, error: BaseException) -> None:
         """Remove an output whose connection failed during a write."""
-        self._forget(output)
+        known = self._forget(output)
         output.close(politely=False)
-        self.network.report(f"Removing output from {self.name} to {output.peer}: {error}")
+        if known:  # else another thread has ended the connection
+            self.network.report(f"Removing output from {self.name} to {output.peer}: {error}")
 
     # Outputs -----------------------------------------------------------------------------------------------------
 
@@ -274,8 +276,7 @@ class Port:
 
     def multicast_group(self, interface: str) -> Group:
         """Return the multicast group that this port sends to on an interface. The first call creates it."""
-        with self._writing:
-            return self._groups.on(interface, self.name, self.network.names)
+        return self._groups.on(interface, self.name, self.network.names)
 
     def remove_output(self, name: str) -> bool:
         """End the output to a port. Return False if there is none."""
@@ -285,13 +286,15 @@ class Port:
             output.close()
         return bool(gone)
 
-    def _forget(self, output: Output) -> None:
+    def _forget(self, output: Output) -> bool:
+        """Take an output out of the list. Return whether it was there: several threads may notice the loss."""
         with self._lock:
             known = output in self._outputs
             self._outputs = tuple(one for one in self._outputs if one is not output)
-        if known:  # several threads may notice the loss
+        if known:
             self.network.notice(f"Removing output from {self.name} to {output.peer}")
         self.disconnected(output)
+        return known
 
     def connected(self, output: Output) -> None:
         """Hook for subclasses: an output was added."""
@@ -331,8 +334,12 @@ class Port:
         """Accept a connection. Runs in the listener's thread."""
         with contextlib.suppress(OSError):
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        if not self._start_input(Input(self, Stream(connection))):
-            connection.close()
+        taken = False
+        try:
+            taken = self._start_input(Input(self, Stream(connection)))
+        finally:
+            if not taken:
+                connection.close()
 
     def _start_input(self, caller: Input) -> bool:
         """Add an input and start its thread. Return False if the port is closed or has too many."""
@@ -341,8 +348,8 @@ class Port:
                 self._make_room()
             welcome = not self._closed and len(self._inputs) < MAX_INPUTS
             if welcome:
+                caller.start()  # under the lock, and first: an input in the table has a running thread
                 self._inputs[caller] = None
-                caller.start()  # under the lock: an input in the table has a running thread
         return welcome
 
     def _make_room(self) -> None:
@@ -433,6 +440,8 @@ class Port:
             with self._lock:
                 for output in self._outputs:
                     output.port_monitor = self._monitors.of("out")
+        if before is not None:
+            before.end()  # last: a message may pass meanwhile
         return before is not None
 
     def port_monitor(self, way: str) -> Attached | None:
@@ -521,7 +530,7 @@ class Port:
             caller.join(deadline.remaining())
         self._monitors.end()
         with contextlib.suppress(MiddlewareError):  # a name server that is gone has forgotten the names
-            for name in (*self._groups.names, self.name):
+            for name in (*self._groups.close(), self.name):
                 self.network.names.unregister(name)
 
     def _check_open(self) -> None:

@@ -43,7 +43,7 @@ class PortMonitors:
         )
 
     def attach(self, way: str, name: ScriptName | None, port: str) -> Attached | None:
-        """Have a script look at all messages in a direction; None ends that. Return the one before, which is over.
+        """Have a script look at all messages in a direction; None ends that. Return the one before, to be ended.
 
         Raises ConnectError.
         """
@@ -57,8 +57,6 @@ class PortMonitors:
             before = self._whole.pop(way, None)
             if attached is not None:
                 self._whole[way] = attached
-        if before is not None:
-            before.end()
         return before
 
     def of(self, way: str) -> Attached | None:

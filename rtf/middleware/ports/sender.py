@@ -5,8 +5,6 @@ from __future__ import annotations
 import threading
 from typing import TYPE_CHECKING
 
-from rtf.middleware.errors import MiddlewareError
-
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -17,7 +15,7 @@ if TYPE_CHECKING:
 class Sender:
     """The sender thread of one output. When the connection fails it calls ``failed`` and ends."""
 
-    def __init__(self, output: Output, failed: Callable[[Output, MiddlewareError], None]) -> None:
+    def __init__(self, output: Output, failed: Callable[[Output, Exception], None]) -> None:
         self.output = output
         self.skipped = 0
         self._failed = failed
@@ -72,7 +70,7 @@ class Sender:
                     if sent is not None:
                         self.output.link.send(sent)
                         self.output.link.finish()
-            except MiddlewareError as error:
+            except Exception as error:  # noqa: BLE001 - such as one of a local reader's callback; its connection ends
                 self.close()
                 self._failed(self.output, error)
             finally:

@@ -39,8 +39,9 @@ class OutgoingMessage:
         """The encoded object, in blocks."""
         blocks = self._blocks
         if blocks is None:
-            blocks = self._blocks = self.codec.encode(self.value, self.dialect)
+            blocks = self.codec.encode(self.value, self.dialect)
             self._size = len(blocks[0]) if len(blocks) == 1 else sum(map(len, blocks))
+            self._blocks = blocks  # last: the page of the port may ask for the size in another thread
         return blocks
 
     def freeze(self) -> None:

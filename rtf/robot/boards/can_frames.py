@@ -12,7 +12,6 @@ nineteen bytes, little endian: time (s, 64-bit float), identifier (16 bits), num
 from __future__ import annotations
 
 import struct
-import threading
 from collections import deque
 from contextlib import suppress
 from typing import TYPE_CHECKING
@@ -90,7 +89,6 @@ class CanFramesServer(StreamServer[Bottle]):
         self._bus = bus
         self._frames: deque[tuple[Frame, float]] = deque(maxlen=_MOST)
         self._end: Callable[[], None] | None = None
-        self._lock = threading.Lock()
         self.open_ports([f"{name}{FRAMES}"], BOTTLE)
         self._opened.enter_context(RpcServer(f"{name}{REQUESTS}", self.answer, network=network, guarded=True))
 
@@ -104,7 +102,7 @@ class CanFramesServer(StreamServer[Bottle]):
 
     def _watch(self) -> None:
         """Watch the bus from now on. May be called in any thread."""
-        with self._lock:
+        with self._bus.lock:  # of a simulation, whose loop publishes with it held
             if self._end is None:
                 self._end = self._bus.watch(self._take)
 
@@ -116,7 +114,7 @@ class CanFramesServer(StreamServer[Bottle]):
         return (Bottle([frames]), now) if frames else None
 
     def _stop(self) -> None:
-        with self._lock:
+        with self._bus.lock:
             if self._end is not None:
                 self._end()
                 self._end = None

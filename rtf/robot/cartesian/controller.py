@@ -121,11 +121,14 @@ class CartesianController(ChainSettings, TaskController[Settings], ICartesianCon
         if values.shape != (POSE,) or not np.isfinite(values).all():
             raise RefusedError(f"a velocity has seven numbers, not {values.tolist()}")
         with self._commands:
+            stops = self._stops
             stands = not values[:3].any() and values[6] == 0.0
             pose = self._present_pose()
             if not stands:
                 self._direct_mode(self.active_places())
             with self.lock:
+                if self._stops != stops:
+                    raise RefusedError(f"{self._chain.name}: it was stopped before the motion began")
                 if self._velocity is None:
                     self._virtual = pose
                 self._velocity = None if stands else values

@@ -11,6 +11,7 @@ import threading
 from contextlib import ExitStack, closing
 from typing import TYPE_CHECKING
 
+from rtf import clock
 from rtf.bottle import Bottle, Vocab
 from rtf.errors import RtfError
 from rtf.middleware.errors import MiddlewareError
@@ -59,6 +60,7 @@ class RemoteSolver(PoseSolver):
         self._state = threading.Condition()  # of what follows
         self._answer: AnswerMessage | None = None
         self._token = 0.0
+        self._taken_by = clock.Deadline.after(0.0)  # until then the last target must have been taken
         self._problem: Problem | None = None
         self._settings: Settings | None = None  # those that the solver has
         self._connected = False
@@ -87,9 +89,10 @@ class RemoteSolver(PoseSolver):
 
     def solve(self, problem: Problem) -> CartesianSolution:
         with self._asking:
+            until = clock.Deadline.after(self._patience)
             token = self._send(problem)
             with self._state:
-                if not self._state.wait_for(lambda: self._answered(token), self._patience):
+                if not self._state.wait_for(lambda: self._answered(token), until.remaining()):
                     self._connected = False
                     raise RefusedError(f"{self.solver} has not answered in {self._patience:g} s")
                 answer = self._answer
@@ -108,7 +111,10 @@ class RemoteSolver(PoseSolver):
     def request(self, problem: Problem) -> None:
         if self._asking.acquire(blocking=False):
             try:
-                self._send(problem)
+                if self._out.wait(0.0):  # else the next period tries again
+                    self._send(problem)
+                elif self._taken_by.expired:
+                    raise self._lost()
             finally:
                 self._asking.release()
 
@@ -122,13 +128,20 @@ class RemoteSolver(PoseSolver):
 
     def _send(self, problem: Problem) -> float:
         self._check()
+        if not self._out.wait(self._patience):
+            raise self._lost()
         self._configure(problem.settings)
         with self._state:
             self._token += 1.0
             self._problem = problem
             token = self._token
-        self._out.write(write_target(problem.target, token), strict=True)
+        self._out.write(write_target(problem.target, token))  # nothing is on its way
+        self._taken_by = clock.Deadline.after(self._patience)
         return token
+
+    def _lost(self) -> RefusedError:
+        self._connected = False
+        return RefusedError(f"{self.solver} has taken no target for {self._patience:g} s")
 
     def _check(self) -> None:
         if not self.connected():

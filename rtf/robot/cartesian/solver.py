@@ -119,7 +119,7 @@ class CartesianSolver(ChainSettings):
         """Answer targets until the end. Runs in a thread of its own."""
         while True:
             with self._awake:
-                self._awake.wait_for(lambda: self._ended or self._newest is not None, _PERIOD)
+                self._awake.wait_for(lambda: self._ended or (self._newest is not None and not self._suspended), _PERIOD)
                 if self._ended:
                     return
                 target = None

@@ -17,6 +17,7 @@ from rtf.robot.extended_state import Field
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+    from contextlib import AbstractContextManager
 
     import numpy as np
     from numpy.typing import NDArray
@@ -100,6 +101,8 @@ class BoardDriver(DeviceProvider):
     stopping: ClassVar[float] = 1000.0
     #: Motors = couplings @ joints, before the gearbox; ``connect`` may set it. None: each joint has a motor of its own.
     couplings: FloatArray | None = None
+    #: What the loop that calls the cycles holds, and ``write`` and ``configure`` take; it is that of the board then.
+    lock: AbstractContextManager[object] | None = None
     board: DrivenBoard
     #: Called with a sentence about a problem that is no fault of an axis; there from ``connect`` on.
     report: Callable[[str], None]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from typing import TYPE_CHECKING, ClassVar
 
 from rtf.robot.devices.board_motion import BoardMotion
@@ -46,6 +47,7 @@ class ControlBoard(BoardMotion, BoardMotors, BoardSettings, IStateSource, Calibr
     def open(self, configuration: Property) -> None:
         self.close()
         board, driver = self._board, self._board.driver
+        board.lock = threading.RLock()
         driver.report = self._report
         axes = driver.connect(configuration)
         try:
@@ -61,6 +63,7 @@ class ControlBoard(BoardMotion, BoardMotors, BoardSettings, IStateSource, Calibr
     def _begin_cycles(self) -> None:
         period = self._board.driver.period
         if period is not None:
+            self._board.lock = self._board.driver.lock or self._board.lock
             self._thread = PeriodicPublishing(_Cycles(self._board, period), name=self.name, report=self._report)
 
     def _report(self, said: str) -> None:

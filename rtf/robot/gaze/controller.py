@@ -106,15 +106,19 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
         self._suspended = self._halting = self._has_modes = False
         self._unfelt = 0.0  # s, since the gyroscope told something
         self._periods = 0
+        self._stops = 0  # how often it was stopped: a motion that is being prepared does not begin after a stop
 
     # Motions ---------------------------------------------------------------------------------------------------------
 
     def look_at(self, target: GazeTarget) -> None:
+        stops = self._stops
         self._check_running()
         point = self._views.point_of(target, self._measured())
         self._prepare()
         with self.lock:
             self._check_running()
+            if self._stops != stops:
+                raise RefusedError("the gaze controller was stopped before the motion began")
             self._motion.look_at(point)
             self.begin_checkpoints()
 
@@ -179,6 +183,7 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
         """End a motion, and stop the eyes; the neck holds its last setpoint. Raises RobotError."""
         with self.lock:
             jumps, moving = self._motion.in_saccade, self._motion.abort()
+            self._stops += 1
             self._halting = True  # a period that is under way may still command a velocity
         try:
             if jumps:

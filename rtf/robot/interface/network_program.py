@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import threading
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from typing import TYPE_CHECKING
 
 from rtf import clock
@@ -28,8 +28,10 @@ PATIENCE, _LOOK = 20.0, 0.1
 
 
 def say(sentence: str) -> None:
-    """Print a sentence."""
-    print(sentence, file=sys.stderr, flush=True)  # noqa: T201 - a program prints
+    """Print a line to stderr. A closed stderr is ignored: it must not end the thread that says something."""
+    with suppress(OSError, ValueError):
+        sys.stderr.write(f"{sentence}\n")
+        sys.stderr.flush()
 
 
 def use_clock(name: str) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from rtf.bottle.values import INT32_MAX
 from rtf.middleware.ports.buffered import BufferedPort
-from rtf.middleware.ports.pipelined_port import PipelinedPort
+from rtf.middleware.ports.pipelined_port import PATIENCE, PipelinedPort
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 class BackgroundOutlets:
     """Outlets for real time: a slow reader misses messages, and the server does not wait for it.
 
-    ``strict``: no message is skipped; each waits until all readers have received the previous one.
+    ``strict``: no message is skipped; each waits until all readers have received the previous one. A reader that takes
+    too long for one is removed, as in lockstep.
     """
 
     def __init__(self, *, strict: bool = False) -> None:
@@ -38,7 +39,8 @@ class BackgroundOutlet:
     """An outlet that sends in the background."""
 
     def __init__(self, name: str, codec: Codec[Any], *, network: Network, strict: bool) -> None:
-        self.port: BufferedPort[Any] = BufferedPort(name, codec, network=network, inputs=False)
+        patience = PATIENCE if strict else None
+        self.port: BufferedPort[Any] = BufferedPort(name, codec, network=network, inputs=False, patience=patience)
         self._strict = strict
 
     @property

@@ -9,7 +9,7 @@ from rtf import clock
 from rtf.middleware.errors import MiddlewareError
 from rtf.robot import parameters
 from rtf.robot.device import Device, make_device
-from rtf.robot.errors import ConfigurationError, DeviceError, NotSupportedError
+from rtf.robot.errors import DeviceError, RobotError
 from rtf.robot.network.ros_group import read_ros_group
 from rtf.robot.publishing import PeriodicPublishing, Publisher, PublishingClock
 
@@ -94,7 +94,7 @@ class PublishingDevice(Device):
         name, device = attached
         try:
             self.server = self.serve(device)
-        except (MiddlewareError, NotSupportedError, ConfigurationError) as error:
+        except (MiddlewareError, RobotError) as error:
             self.detach()
             raise DeviceError(f"{self.name} cannot be attached to {name}: {error}") from error
         report = self.network.report

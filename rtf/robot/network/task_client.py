@@ -227,7 +227,13 @@ class TaskClient(Device, ITaskControl):
             self.network.report(f"{self._remote}/events:o sent {message.value.to_text()[:80]!r}: {error}")
             return
         for observer in self._observers:
-            observer(event)
+            try:
+                observer(event)
+            except Exception as error:  # noqa: BLE001 - later events have to come, and the error is reported
+                self.unobserve_events(observer)
+                self.network.report(
+                    f"{self.name}: an observer of events was removed, because it raised {type(error).__name__}: {error}"
+                )
 
 
 def _pairs(info: Bottle) -> list[Bottle]:

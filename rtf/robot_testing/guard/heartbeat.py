@@ -12,6 +12,7 @@ import os
 import struct
 from pathlib import Path
 from typing import TYPE_CHECKING
+from urllib.parse import quote
 
 from rtf import clock
 
@@ -25,6 +26,11 @@ _TIME = struct.Struct("d")
 _ANSWER, _LONGEST = 16, 4096
 
 
+def _folder_of(robot: str, folder: str | Path) -> Path:
+    """Return the folder of a robot's heartbeats: a run may have several robots, with a supervisor each."""
+    return Path(folder, _FOLDER, quote(robot.strip("/"), safe=""))
+
+
 class Heartbeat:
     """The heartbeat of the guards of a test on a robot, shared by them. Without a run folder it does nothing."""
 
@@ -33,10 +39,13 @@ class Heartbeat:
         folder = os.environ.get(_RUN_FOLDER)
         if folder is None:
             return
-        self._path = Path(folder, _FOLDER, f"{robot.strip('/')}-{os.getpid()}")
-        self._path.parent.mkdir(exist_ok=True)
-        self._file = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        self._path = _folder_of(robot, folder) / str(os.getpid())
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        # Where nobody looks: without its lock it would be that of a dead process.
+        unlocked = self._path.with_name(f".{os.getpid()}")
+        self._file = os.open(unlocked, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
         fcntl.flock(self._file, fcntl.LOCK_EX)
+        unlocked.rename(self._path)
 
     def beat(self) -> str:
         """Write that the guard watches now. Return why the robot was stopped meanwhile, once; "" if it was not."""
@@ -89,9 +98,9 @@ class Heard:
         os.close(self._file)
 
 
-def heartbeats(folder: str | Path) -> Iterator[Heard]:
-    """Yield the heartbeats of a run folder, each open until the next."""
-    for path in sorted(Path(folder, _FOLDER).glob("*")):
+def heartbeats(folder: str | Path, robot: str) -> Iterator[Heard]:
+    """Yield the heartbeats of a robot's tests in a run folder, each open until the next."""
+    for path in sorted(_folder_of(robot, folder).glob("[0-9]*")):
         try:
             heard = Heard(path)
         except FileNotFoundError:  # closed meanwhile

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import threading
 import uuid
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, closing
 from typing import TYPE_CHECKING
 
 import pytest
@@ -26,7 +29,9 @@ from rtf.robot.publishing import PeriodicPublishing
 from waiting import eventually
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
+
+    from rtf.robot.devices.can.bus import Receiver
 
 NAME = "/icub/can/can0"
 
@@ -122,6 +127,39 @@ def test_commands_are_refused(frame: Frame, published: CanFramesServer, boards: 
     assert boards.counters.received == 0
     assert published.answer(Bottle.parse("jump 1")).to_text().startswith("[fail]")
     assert published.answer(Bottle.parse("ask 2 text")).to_text().startswith("[fail]")
+
+
+def test_a_question_and_the_loop_of_a_simulation_do_not_wait_for_each_other(
+    channel: str, network: Network, monkeypatch: pytest.MonkeyPatch
+):
+    """The loop publishes with the lock of the bus held; a question takes no other lock before that one."""
+    lock = threading.RLock()
+    begun, publishing = threading.Event(), threading.Event()
+    with ExitStack() as opened:
+        bus = opened.enter_context(closing(CanBus(BusSettings("virtual", channel), threaded=False, lock=lock)))
+        server = opened.enter_context(closing(CanFramesServer(bus, NAME, network=network)))
+        opened.callback(YarpBus(NAME, network=network).shutdown)
+        watch = bus.watch
+
+        def watch_late(receive: Receiver) -> Callable[[], None]:
+            begun.set()
+            publishing.wait(20)
+            assert lock.acquire(timeout=1.0), "the loop holds the lock, and waits for the question"
+            lock.release()
+            return watch(receive)
+
+        monkeypatch.setattr(bus, "watch", watch_late)
+        pool = opened.enter_context(ThreadPoolExecutor(1))
+        asked = pool.submit(server.answer, Bottle(["ask", *motor.CONTROL_MODE.get.frame(2)]))
+        assert begun.wait(20)
+        held = lock.acquire(blocking=False)
+        publishing.set()
+        if not held:
+            lock.acquire()
+        server.publish(1.0)
+        lock.release()
+        assert asked.result(20) == Bottle.parse("[ok]")
+        assert bus.counters.sent == 1
 
 
 def test_a_host_can_fall_silent_for_a_time(remote: CanBus, bus: CanBus, published: CanFramesServer, network: Network):

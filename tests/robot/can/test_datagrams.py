@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import struct
 from contextlib import closing
 
 import can
@@ -60,6 +61,24 @@ def test_other_programs_of_python_can_read_and_write_it():
         other.send(can.Message(arbitration_id=0x7, data=b"\x09", is_extended_id=False))
         assert bus.poll(1.0)
         assert bus.traffic[0x7].data == b"\x09"
+
+
+def test_a_foreign_identifier_is_ignored():
+    """A frame of another program with more than 11 bits of identifier is dropped; the frames after it arrive."""
+    given = settings()
+    got: list[Frame] = []
+    with (
+        closing(CanBus(given)) as bus,
+        closing(CanBus(given, threaded=False)) as other,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as foreign,
+    ):
+        bus.watch(lambda frame, _: got.append(frame))
+        foreign.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
+        record = struct.pack("<HB8s", 0x900, 1, b"\x01")
+        foreign.sendto(record, (MULTICAST_GROUP, int(dict(given.options)["port"])))
+        other.send(Frame(0x7FF, b"\x02"))
+        eventually(lambda: got, "the bus does not read any more")
+    assert got == [Frame(0x7FF, b"\x02")]
 
 
 @pytest.mark.parametrize("channel", ["nowhere", "127.0.0.1"])

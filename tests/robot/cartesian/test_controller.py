@@ -153,7 +153,15 @@ def test_stop_holds_the_joints():
     assert not rig.controller.joint_velocities().any()
 
 
-def test_a_stop_does_not_wait_for_a_target():
+@pytest.mark.parametrize(
+    "begin",
+    [
+        lambda controller: controller.go_to(target_near((0.5,) * 7), 1.0),
+        lambda controller: controller.stream_velocity([0.0, 0.0, 0.05, 0.0, 0.0, 1.0, 0.0]),
+    ],
+    ids=["target", "velocity"],
+)
+def test_a_stop_does_not_wait_for_a_motion(begin):
     """While a board does not answer: the stop returns, and the motion that was asked for before does not begin."""
     rig = Rig()
     asked, answered = threading.Event(), threading.Event()
@@ -166,7 +174,7 @@ def test_a_stop_does_not_wait_for_a_target():
 
     rig.board.control_modes = late
     with ThreadPoolExecutor(1) as pool:
-        going = pool.submit(rig.controller.go_to, target_near((0.5,) * 7), 1.0)
+        going = pool.submit(begin, rig.controller)
         asked.wait(20)
         rig.controller.stop()
         answered.set()

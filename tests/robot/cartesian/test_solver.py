@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing, suppress
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,8 @@ from hypothesis import strategies as st
 from rtf.bottle import Bottle, Property, Vocab
 from rtf.middleware.ports import remote
 from rtf.middleware.ports.buffered import BufferedPort
-from rtf.middleware.ports.rpc import RpcClient
+from rtf.middleware.ports.port import Port
+from rtf.middleware.ports.rpc import RpcClient, RpcServer
 from rtf.middleware.wire.contact import Contact
 from rtf.robot.cartesian.controller import CartesianController
 from rtf.robot.cartesian.remote_solver import RemoteSolver
@@ -25,10 +27,11 @@ from rtf.robot.devices.fake_board import FakeBoard
 from rtf.robot.errors import RefusedError, StaleStateError
 from rtf.robot.kinematics import PointPreference, robot_chains, vector_of
 from rtf.robot.model import load_robot
+from rtf.robot.network.request_table import ACK
 from waiting import eventually
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from rtf.middleware.ports.network import Network
     from rtf.robot.interfaces import FloatArray
@@ -204,6 +207,23 @@ def test_it_is_suspended_and_goes_on(asker: Asker, board: Board, solver: Solver)
     assert read_answer(asker.answer("(xd (-0.3 -0.2 0.1)) (pose xyz) (tok 3.0)")).token == 3.0
 
 
+def test_a_target_that_waits_for_the_end_of_a_pause_wakes_nobody(solver: Solver, monkeypatch: pytest.MonkeyPatch):
+    """A suspended solver waits between two looks, as without a target."""
+    suspended = solver.ports.solver
+    wait_for = suspended._awake.wait_for
+    awake: list[bool] = []
+
+    def wait_and_note(predicate: Callable[[], bool], timeout: float | None = None) -> bool:
+        awake.append(predicate())
+        return wait_for(predicate, timeout)
+
+    suspended.suspend()
+    suspended.take(write_target(TARGET, 1.0))
+    monkeypatch.setattr(suspended._awake, "wait_for", wait_and_note)
+    eventually(lambda: len(awake) >= 3, "it does not look")
+    assert awake[:3] == [False] * 3
+
+
 def test_a_tracked_target_is_solved_again(asker: Asker, board: Board):
     """When the torso, which takes no part, has turned."""
     first = read_answer(asker.answer("(xd (-0.3 -0.2 0.1)) (pose xyz) (mode cont) (tok 1.0)"))
@@ -354,6 +374,34 @@ def test_a_solver_that_does_not_answer_is_refused_in_time(board: Board, solver: 
         eventually(control.solver_connected, "it is not connected again")
         control.go_to(TARGET, 0.5)
         used.run(1.0)
+        assert control.motion_done()
+
+
+def test_a_solver_that_takes_no_target_does_not_block_the_controller(board: Board, network: Network):
+    """Its process was stopped, say: the motion ends within the patience, and ``stop`` returns."""
+    let_go = threading.Event()
+    with ExitStack() as opened:
+        for port in (
+            Port(f"{NAME}/in", lambda _: let_go.wait(20), network=network, outputs=False),
+            BufferedPort(f"{NAME}/out", network=network, inputs=False),
+            RpcServer(f"{NAME}/rpc", lambda _: Bottle([ACK]), network=network),
+        ):
+            opened.enter_context(port)
+        used = opened.enter_context(closing(Used(board, network, patience=0.3)))
+        control = used.controller
+        eventually(control.solver_connected, "the solver is not found")
+        pool = opened.enter_context(ThreadPoolExecutor(1))
+        opened.callback(let_go.set)
+        control.stream_velocity([0.0, 0.0, 0.05, 0.0, 0.0, 1.0, 0.0])
+
+        def move() -> None:
+            while not let_go.is_set():
+                used.run(0.05)
+
+        running = pool.submit(move)
+        with pytest.raises(RefusedError, match=r"the motion was ended: .* has taken no target for 0\.3 s"):
+            running.result(5.0)
+        control.stop()
         assert control.motion_done()
 
 

@@ -176,6 +176,23 @@ def test_events(client: CartesianClient, control: ScriptedController):
     client.unobserve_events(found.append)
 
 
+def test_an_observer_that_raises_is_removed(client: CartesianClient, control: ScriptedController, said: list[str]):
+    """With a report; all other observers get that event and the later ones."""
+    found: list[ControllerEvent] = []
+
+    def fail(event: ControllerEvent) -> None:
+        raise ValueError(f"{event.name} is not known")
+
+    client.observe_events(fail)
+    client.observe_events(found.append)
+    control.happen("motion-onset", 100.5)
+    control.happen("motion-done", 101.0)
+    eventually(lambda: len(found) == 2, "an event did not arrive")
+    assert [event.name for event in found] == ["motion-onset", "motion-done"]
+    removed = "an observer of events was removed, because it raised ValueError: motion-onset is not known"
+    assert [removed in sentence for sentence in said if "observer" in sentence] == [True]
+
+
 def test_a_server_that_closes_says_so(spoken: Network, control: ScriptedController):
     """The last event is ``closing``; requests fail from then on, and the client closes."""
     found: list[ControllerEvent] = []

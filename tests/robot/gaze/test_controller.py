@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -194,6 +197,32 @@ def test_a_stop_ends_a_motion():
         before = rig.controller.joints().values
         rig.run(0.3)
         assert rig.controller.joints().values == pytest.approx(before, abs=0.05)
+
+
+def test_a_stop_does_not_wait_for_a_look():
+    """While a board does not answer: the stop returns, and the look that was asked for before does not begin."""
+    rig = Rig()
+    asked, answered = threading.Event(), threading.Event()
+    modes = rig.board.control_modes
+
+    def late(joints: object = None) -> tuple[ControlMode, ...]:
+        asked.set()
+        answered.wait(20)
+        return modes(joints)
+
+    rig.board.control_modes = late
+    before = rig.board.encoders()
+    with ThreadPoolExecutor(1) as pool:
+        looking = pool.submit(rig.controller.look_at, FixationPoint(POINT))
+        asked.wait(20)
+        rig.controller.stop()
+        answered.set()
+        with pytest.raises(RefusedError, match="was stopped before the motion began"):
+            looking.result(20)
+    rig.run(0.2)
+    assert rig.controller.motion_done()
+    assert rig.events == []
+    assert rig.board.encoders() == pytest.approx(before)
 
 
 def test_tracking_keeps_a_point():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import os
 import signal
 import subprocess
@@ -20,16 +22,17 @@ from rtf.robot.boards.client import connect
 from rtf.robot.boards.server import ControlBoardServer
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.devices.fake_board import FakeBoard
-from rtf.robot.errors import StaleStateError
+from rtf.robot.errors import NoAnswerError, StaleStateError
 from rtf.robot.publishing import PeriodicPublishing
-from rtf.robot_testing.guard.heartbeat import Heartbeat, heartbeats
+from rtf.robot_testing.guard import supervisor
+from rtf.robot_testing.guard.heartbeat import Heard, Heartbeat, heartbeats
 from rtf.robot_testing.guard.limits import GuardError
 from rtf.robot_testing.guard.motion_guard import MotionGuard
 from rtf.robot_testing.guard.supervisor import SILENCE, Supervisor
 from waiting import eventually
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
 #: A test that watches, as long as it lives.
@@ -63,7 +66,7 @@ class Robot:
         self.may_move = True
         self.guard = MotionGuard(self.board, "/fake", clock=clock.SystemClock(), report=self.said.append)
         self.supervisor = Supervisor(
-            [self.guard], using=threading.Lock(), may_move=lambda: self.may_move, report=self.said.append
+            "fake", [self.guard], using=threading.Lock(), may_move=lambda: self.may_move, report=self.said.append
         )
         stack.callback(self.supervisor.close)
         self.board.set_reference_speeds([1.0] * 3)
@@ -117,7 +120,7 @@ def test_a_test_that_is_killed_or_stopped_leaves_the_robot_stopped(
 def test_a_test_that_watches_again_is_told(robot: Robot):
     """Once: its joints did not fail, they were stopped. Before it begins to watch, nothing is expected of it."""
     beating = Heartbeat("fake")
-    assert [heard.silence() for heard in heartbeats(robot.folder)] == [0.0]
+    assert [heard.silence() for heard in heartbeats(robot.folder, "fake")] == [0.0]
     assert beating.beat() == ""
     robot.stops()
     deadline = clock.Deadline.after(5.0)
@@ -151,7 +154,7 @@ def test_a_test_that_has_ended_properly_stops_nothing(robot: Robot):
     beating.beat()
     beating.close()
     robot.supervisor.check()
-    assert list(heartbeats(robot.folder)) == []
+    assert list(heartbeats(robot.folder, "fake")) == []
     assert not robot.board.motion_done()
 
 
@@ -164,3 +167,101 @@ def test_a_robot_that_may_not_move_is_left_alone(robot: Robot, watching: subproc
     assert robot.board.control_modes() == (ControlMode.POSITION,) * 3
     assert not robot.board.motion_done()
     assert robot.said == []
+
+
+def test_a_test_of_another_robot_is_no_matter(robot: Robot, watching: subprocess.Popen[str]):
+    """A run may have several robots: each has a supervisor, which must find the heartbeats of its own tests."""
+    other = Supervisor("other", [], using=threading.Lock(), may_move=lambda: True, report=robot.said.append)
+    watching.kill()
+    watching.wait()
+    other.check()
+    other.close()
+    robot.stops()
+    eventually(lambda: robot.said, "it is not reported", 5.0)
+
+
+def test_a_heartbeat_that_begins_is_never_an_orphan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Its file appears with its lock: who looks just before it is locked sees no file."""
+    monkeypatch.setenv("RTF_RUN_FOLDER", str(tmp_path))
+    lock = fcntl.flock
+    looks: list[list[bool]] = []
+
+    def look() -> None:
+        looks.append([heard.is_orphaned() for heard in heartbeats(tmp_path, "fake")])
+
+    def lock_late(file: int, how: int) -> None:
+        if how == fcntl.LOCK_EX and not looks:
+            look()
+        lock(file, how)
+
+    monkeypatch.setattr(fcntl, "flock", lock_late)
+    beating = Heartbeat("fake")
+    look()
+    beating.close()
+    assert looks == [[], [False]]
+
+
+def test_a_look_that_fails_is_reported_once_and_the_next_one_counts(robot: Robot, monkeypatch: pytest.MonkeyPatch):
+    """As when the process has no descriptor left for a moment: a test that hangs then is stopped all the same."""
+    failures = [OSError(errno.EMFILE, "Too many open files") for _ in range(3)]
+
+    def fail_first(folder: str, name: str) -> Iterator[Heard]:
+        if failures:
+            raise failures.pop()
+        return heartbeats(folder, name)
+
+    monkeypatch.setattr(supervisor, "heartbeats", fail_first)
+    beating = Heartbeat("fake")
+    beating.beat()
+    robot.stops()
+    eventually(lambda: len(robot.said) == 2, "it is not reported")
+    beating.close()
+    assert robot.said[0] == "the robot was not watched: OSError: [Errno 24] Too many open files"
+    assert "did not watch" in robot.said[1]
+
+
+def test_a_move_that_begins_while_the_test_is_silent_is_stopped(robot: Robot, monkeypatch: pytest.MonkeyPatch):
+    """Also if the robot was at rest when the silence was noticed."""
+    rested = threading.Event()
+    going = robot.guard.going
+
+    def look() -> list[int]:
+        found = going()
+        if not found:
+            rested.set()
+        return found
+
+    robot.board.stop()
+    eventually(robot.board.motion_done, "it goes on")
+    monkeypatch.setattr(robot.guard, "going", look)
+    beating = Heartbeat("fake")
+    beating.beat()
+    assert rested.wait(5.0)
+    robot.board.position_move([90.0] * 3)
+    eventually(lambda: robot.said, "the move is not stopped", 5.0)
+    robot.stops()
+    beating.close()
+    assert ["did not watch" in line for line in robot.said] == [True]
+
+
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_part_that_could_not_be_stopped_is_tried_again(
+    robot: Robot, watching: subprocess.Popen[str], monkeypatch: pytest.MonkeyPatch, end: signal.Signals
+):
+    """Until it is stopped, with a report of each; only then is a test that has died forgotten."""
+    halt = robot.guard.halt
+    failures = [NoAnswerError("it did not answer")]
+
+    def fail_first(joints: Sequence[int]) -> None:
+        if failures:
+            raise failures.pop()
+        halt(joints)
+
+    monkeypatch.setattr(robot.guard, "halt", fail_first)
+    os.kill(watching.pid, end)
+    robot.stops()
+    eventually(lambda: len(robot.said) == 2, "it is not reported")
+    assert robot.said[0] == "/fake could not be stopped: it did not answer"
+    assert "joint0, joint1, joint2 stopped" in robot.said[1]
+    if end is signal.SIGKILL:
+        eventually(lambda: not [*heartbeats(robot.folder, "fake")], "it is not forgotten")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,8 @@ from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
 from rtf.robot.control_modes import ControlMode
 from rtf.robot.devices.can.axis_settings import can_settings
+from rtf.robot.devices.can.motion_control import CanMotionControl
+from rtf.robot.devices.control_board import _Cycles
 from rtf.robot.errors import StaleStateError
 from rtf.robot.model import load_robot
 from rtf.simulator.firmware.boards_on_buses import Firmware
@@ -20,6 +23,7 @@ from rtf.simulator.firmware.configuration import can_configuration
 from rtf.simulator.plant import Options, build
 from rtf.simulator.robot import SimulatedRobot
 from rtf.simulator.simulation import Simulation
+from waiting import eventually
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -28,12 +32,12 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def robot(said: list[str] | None = None) -> Iterator[tuple[SimulatedRobot, ControlBoard]]:
-    """The bench through CAN in lockstep, and its arm."""
+def robot(said: list[str] | None = None, *, lockstep: bool = True) -> Iterator[tuple[SimulatedRobot, ControlBoard]]:
+    """The bench through CAN, and its arm."""
     network = Network(LocalNames())
     if said is not None:
         network.report = said.append
-    with SimulatedRobot(load_robot("bench"), network=network, lockstep=True, can=True) as made:
+    with SimulatedRobot(load_robot("bench"), network=network, lockstep=lockstep, can=True) as made:
         yield made, made.parts["arm"]  # type: ignore[misc]  # on one bus, so no remapper
 
 
@@ -95,6 +99,34 @@ def test_modes_and_efforts_reach_the_motors():
         arm.set_reference_torques(0.5, 1)
         wait(0.1)
         assert boards.torques[1] == pytest.approx(0.5, abs=0.01)
+
+
+def test_a_command_and_the_cycle_do_not_wait_for_each_other(monkeypatch: pytest.MonkeyPatch):
+    """In real time: a command that waits for the loop, which is about to do a cycle, holds nothing that this needs."""
+    due, writing = threading.Event(), threading.Event()
+    publish, configure = _Cycles.publish, CanMotionControl.configure
+    deadlocks: list[str] = []
+    with robot(lockstep=False) as (made, arm):
+
+        def publish_late(cycles: _Cycles, now: float) -> None:
+            if not due.is_set():
+                due.set()
+                eventually(lambda: made.simulation.lock.waiting, "no command waits")
+                if writing.is_set():  # with the board's lock
+                    deadlocks.append("the command waits for the loop, and the cycle for the command")
+                    return
+            publish(cycles, now)
+
+        def configure_and_tell(driver: CanMotionControl, axis: int) -> None:
+            writing.set()
+            configure(driver, axis)
+
+        monkeypatch.setattr(_Cycles, "publish", publish_late)
+        monkeypatch.setattr(CanMotionControl, "configure", configure_and_tell)
+        assert due.wait(20)
+        arm.set_control_modes(ControlMode.IDLE, 0)
+        assert writing.is_set()
+        assert deadlocks == []
 
 
 def test_a_fault_of_a_board_reaches_the_user_and_is_left_by_force_idle():

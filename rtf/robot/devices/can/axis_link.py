@@ -72,7 +72,7 @@ class AxisLink(ABC):
         self.settings = settings
         self.scale = scale
         self.feedback = Feedback()
-        self.verified = False
+        self.verified = False  # its settings were read back once; that waits for answers, which no later cycle may
         self.wanted = BoardMode.UNKNOWN
         self.settles = NEVER  # until when the board may still be in another mode than the wanted one, s
         self.mode: ControlMode | None = None

@@ -108,7 +108,7 @@ class CanBus:
         #: Called when all boards have been reset on purpose, as by the reset of a simulation.
         self.on_restart: list[Callable[[], None]] = []
         #: Of the interface's sending side, the queue and the receivers.
-        self._lock: AbstractContextManager[object] = lock or threading.Lock()
+        self.lock = self._lock = lock or threading.RLock()
         self._waiting: list[tuple[int, int, float, bytes]] = []  # a heap: identifier, number, deadline, data
         self._numbers = count()
         self._claims: dict[str, object] = {}

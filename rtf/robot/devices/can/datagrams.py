@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 _LOOPBACK = "127.0.0.1"
 #: A frame: its identifier, the number of its bytes, and these.
 _RECORD = struct.Struct("<HB8s")
+#: Identifiers have 11 bits. What is greater is no frame of ours.
+_IDENTIFIERS = 1 << 11
 #: Frames and bytes of a datagram at most, and bytes that wait to be read: half a second of ten full buses.
 _MOST, _LONGEST, _BUFFER = 100, 2048, 1 << 20
 
@@ -81,7 +83,9 @@ class DatagramBus(can.BusABC):
                     data, sender = self._receiver.recvfrom(_LONGEST)
                     if sender != self._own and not len(data) % _RECORD.size:
                         heard += [
-                            (make_frame((number, text[:size])), now) for number, size, text in _RECORD.iter_unpack(data)
+                            (make_frame((number, text[:size])), now)
+                            for number, size, text in _RECORD.iter_unpack(data)
+                            if number < _IDENTIFIERS
                         ]
         return heard
 

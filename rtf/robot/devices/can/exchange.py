@@ -104,7 +104,7 @@ class Exchange:
 
     def clashes(self) -> list[int]:
         """Return the boards with more answers about their version than questions: two boards have this address."""
-        return sorted(board for board, answers in self._told.items() if answers > self._asked[board])
+        return sorted(board for board, answers in [*self._told.items()] if answers > self._asked[board])
 
     def discover(self, seconds: float = _SEARCH) -> list[Version]:
         """Return all boards that answer a search, in the order of their addresses; two with one address are both there.

@@ -108,6 +108,7 @@ class CanMotionControl(BoardDriver):
         self._links, self._patience = [], FIRST_POSITIONS
         self._bus = share(bus_settings(configuration), self.report)
         self._meter = LoadMeter(self._bus)
+        self.lock = None if self._bus.threaded else self._bus.lock  # a simulation's: its loop calls the cycles
         try:
             exchange = self._exchange = Exchange(self._bus, settings.timeout, settings.retries)
             self.versions = {board: _version(exchange, board) for board in settings.boards}
