@@ -32,7 +32,7 @@ def ros_robot(node: Callable[..., Node], network: Network) -> Iterator[RosRobot]
     board, said = FakeBoard("board", network=network), []
     with ExitStack() as opened:
         opened.enter_context(served(board, "/robot/arm", network=network, period=0.005))
-        client = opened.enter_context(connect("/robot/arm", carrier="tcp", network=network, strict=True))
+        client = opened.enter_context(connect("/robot/arm", carrier="tcp", network=network, strict=True, timeout=10.0))
         here = node("bridge")
         bridge = opened.enter_context(closing(RobotBridge(here, network, rate=200.0)))
         bridge.add_part("arm", client)

@@ -47,8 +47,8 @@ class FixtureLocks:
             self._descriptor = os.open(self._path, flags, 0o600)
         try:
             for offset, kind in locks:
+                self._held.append(offset)  # first: what is not locked may be unlocked
                 fcntl.lockf(self._descriptor, kind, 1, offset)
-                self._held.append(offset)
         except BaseException:  # what waits for a part of them has none
             self.release()
             raise

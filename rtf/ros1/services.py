@@ -138,6 +138,9 @@ class ServiceClient:
             raise NoServiceError(f"the service {self.name} at {uri[:200]} cannot be reached: {error}") from None
         try:
             self._agree(self._stream)
+        except WaitTimeoutError:
+            self._drop()
+            raise NoServiceError(f"the service {self.name} did not answer in {timeout:g} s") from None
         except MiddlewareError as error:
             self._drop()
             raise PeerError(f"the service {self.name} at {uri[:200]}: {error}") from None

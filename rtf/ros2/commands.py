@@ -69,6 +69,7 @@ class CommandedPart:
         self._closed = False
         self._said = ""
         self._mode: ControlMode | None = None
+        self._stops = 0  # of calls; a mode that was entered during one is not the board's any more
         self._setpoint, self._sent_at = board.encoders(), 0.0
         for interface in Interface:
             self._listen(node, interface)
@@ -83,7 +84,11 @@ class CommandedPart:
         """Forget the command, and stop the joints where they are. Raises RobotError."""
         with self._changed:
             self._command, self._mode = None, None
+            self._stops += 1
             self._changed.notify_all()
+        self._halt()
+
+    def _halt(self) -> None:
         self._board.set_control_modes(ControlMode.POSITION)
         self._board.stop()
 
@@ -204,6 +209,10 @@ class CommandedPart:
     def _enter(self, command: Command) -> None:
         """Bring the board into a mode if the last command had another; a joint that has left it is not put back."""
         board, mode = self._board, _MODES[command.interface]
+        with self._changed:
+            if self._command is not command:
+                return
+            stops = self._stops
         if self._mode is not mode:
             board.set_control_modes(mode)
             deadline = clock.Deadline.after(_CHANGE)
@@ -211,9 +220,12 @@ class CommandedPart:
                 clock.SystemClock().sleep(_PERIOD)
             positions = board.encoders()
             with self._changed:
-                if self._command is not command:  # it was stopped meanwhile, or there is another one
-                    return
-                self._setpoint, self._mode = positions, mode
+                stopped = self._stops != stops
+                if not stopped:
+                    self._setpoint, self._mode = positions, mode
+            if stopped:  # which may have been before the mode was set
+                self._halt()
+                return
         for joint, found in zip(self.joints, board.control_modes(), strict=True):
             if found is not mode:
                 raise Ros2Error(f"{joint.name} is in the mode {found.word}, not {mode.word}")

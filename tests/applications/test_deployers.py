@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
+import threading
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING
@@ -25,6 +28,7 @@ from rtf.applications.events import Kind, State
 from rtf.applications.run.errors import StartError
 from rtf.applications.run.protocol import Start, join_words
 from rtf.applications.run.server import RunServer
+from rtf.applications.ssh.connection import SshConnection
 from rtf.applications.ssh.deployer import SshDeployer
 from rtf.applications.ssh.scripts import list_script, read_list, start_script
 from rtf.applications.xml.model import Module, Text
@@ -34,7 +38,8 @@ from rtf.middleware.ports.network import Network
 from waiting import alive, eventually
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Coroutine, Iterator
+    from concurrent.futures import Future
 
 SSH = "<deployer>ssh</deployer>"
 #: What a shell would expand, and what ends a quoted word.
@@ -312,6 +317,59 @@ def test_user_without_a_key_is_told_of_the_agent(server: SshServer):
         assert refusal().startswith("pc104 cannot be reached by ssh: ")
     finally:
         server.open()
+
+
+def error_of(asking: Callable[[], object]) -> Callable[[], str]:
+    """Ask in a thread of its own. Returns a function that waits for the error of that, and returns its text."""
+    told: list[str] = []
+
+    def ask() -> None:
+        with pytest.raises(DeployerError) as caught:
+            asking()
+        told.append(str(caught.value))
+
+    thread = threading.Thread(target=ask, daemon=True)
+    thread.start()
+
+    def text() -> str:
+        thread.join(5.0)
+        assert not thread.is_alive()
+        return told[0]
+
+    return text
+
+
+def test_requests_end_with_the_connection(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """One that waits for a machine that says nothing, and one that comes later."""
+    (tmp_path / ".ssh").mkdir()
+    monkeypatch.setenv("HOME", str(tmp_path))
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        port = silent.getsockname()[1]
+        (tmp_path / ".ssh" / "config").write_text(f"Host pc104\n  HostName 127.0.0.1\n  Port {port}\n")
+        connection = SshConnection("pc104")
+        error = error_of(lambda: connection.run(str))
+        with silent.accept()[0]:
+            connection.close()
+            assert error() == "the connection to pc104 was closed"
+    with pytest.raises(DeployerError, match="the connection to pc104 was closed"):
+        connection.run(str)
+    connection.close()
+
+
+def test_connection_that_is_closed_when_a_request_begins(monkeypatch: pytest.MonkeyPatch):
+    """The request fails as one that was under way."""
+    connection, submit = SshConnection("pc104"), asyncio.run_coroutine_threadsafe
+    closing = threading.Thread(target=connection.close)
+
+    def closed_meanwhile(work: Coroutine[None, None, object], loop: asyncio.AbstractEventLoop) -> Future[object]:
+        if not closing.ident:
+            closing.start()
+            closing.join(0.3)  # unless it waits for the request
+        return submit(work, loop)
+
+    monkeypatch.setattr(asyncio, "run_coroutine_threadsafe", closed_meanwhile)
+    assert error_of(lambda: connection.run(str))() == "the connection to pc104 was closed"
+    closing.join()
 
 
 WORD = st.text(st.characters(codec="utf-8", exclude_characters='\0"\n'), min_size=1).filter(lambda one: " " not in one)

@@ -15,6 +15,7 @@ import pytest
 
 from lab import application, lab, module, needs, shell
 from rtf import clock
+from rtf.applications import connections
 from rtf.applications.connections import Link
 from rtf.applications.errors import ApplicationError
 from rtf.applications.events import Kind, State
@@ -34,6 +35,8 @@ from waiting import alive, eventually
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from rtf.applications.xml.model import Connection
 
 ONE_CONNECTION = "<connection><from>/a</from><to>/b</to></connection>"
 
@@ -348,6 +351,28 @@ def test_application_of_connections_alone(tmp_path: Path, monkeypatch: pytest.Mo
         assert run.states() == [State.STOPPED]
 
 
+def test_an_error_of_the_connections_is_told_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """They are looked at again after it."""
+    monkeypatch.setattr("rtf.applications.manager._LOOK_AT_LINKS", 0.0)
+    with lab(application(tmp_path, ONE_CONNECTION)) as run:
+        looks, errors = [*"ab"], []
+
+        def fail_first() -> None:
+            if looks.pop() == "b":
+                raise ApplicationError("the network is upset")
+
+        def looked_again() -> bool:
+            try:
+                run.manager.watch_once()
+            except ApplicationError as error:
+                errors.append(str(error))
+            return not looks
+
+        monkeypatch.setattr(run.manager.links, "watch", fail_first)
+        eventually(looked_again, "they are looked at no more", 2.0)
+        assert errors == ["the network is upset"]
+
+
 def test_connection_that_persists_is_kept_by_the_name_server(tmp_path: Path):
     """It is made again when a port is back, without the manager, until the application is disconnected."""
     content = ONE_CONNECTION.replace("<connection>", '<connection persist="true" qos="level:low">')
@@ -494,6 +519,28 @@ def test_connections_are_made_one_by_one(tmp_path: Path):
         assert links.disconnect([first])
         links.watch()
         assert [state for _, state in links.states()] == [Link.APART, Link.APART]
+
+
+def test_connections_that_are_being_made_can_be_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """The one that is made at that moment is ended, and those that would follow are not made."""
+    both = ONE_CONNECTION + "<connection><from>/a</from><to>/c</to></connection>"
+    with lab(application(tmp_path, both)) as run, contextlib.ExitStack() as ports:
+        for name in ("/a", "/b", "/c"):
+            ports.enter_context(BufferedPort(name, network=run.network))
+        links, connect = run.manager.links, connections.connect
+        ending = threading.Thread(target=links.disconnect)
+
+        def ended_meanwhile(network: Network, connection: Connection) -> None:
+            if not ending.ident:
+                ending.start()
+                ending.join(0.3)  # unless it waits for the connection
+            connect(network, connection)
+
+        monkeypatch.setattr(connections, "connect", ended_meanwhile)
+        links.connect()
+        ending.join()
+        assert [state for _, state in links.states()] == [Link.APART, Link.APART]
+        assert run.texts(Kind.STOPPED) == ["/a -> /b is disconnected"]
 
 
 def test_connections_of_windows_that_are_not_there_are_left_out(tmp_path: Path):

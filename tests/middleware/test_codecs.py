@@ -24,7 +24,8 @@ from rtf.middleware.types import (
     Record,
     Stamp,
 )
-from rtf.middleware.types.codecs import BOTTLE, RAW, Codec, codec_of
+from rtf.middleware.types.codecs import BOTTLE, RAW, Codec, RawCodec, codec_of
+from rtf.middleware.wire.outgoing_message import OutgoingMessage
 
 THREE = Dialect.YARP3
 BOTTLES = Bottle([["a", index, [index / 2]] for index in range(300)])
@@ -49,6 +50,30 @@ BOTTLES = Bottle([["a", index, [index / 2]] for index in range(300)])
 def test_an_object_has_a_codec(value: object, codec: Codec[object]):
     """Objects of these types are sent without naming a codec."""
     assert codec_of(value) is codec
+
+
+def test_a_message_whose_bytes_are_there_has_its_size():
+    """A thread that asks while another one encodes the message, as for the page of its port, gets the right size."""
+    sizes: list[int] = []
+
+    class Blocks(tuple[bytes, ...]):
+        """Blocks that are counted while somebody else asks."""
+
+        __slots__ = ()
+
+        def __len__(self) -> int:
+            if not sizes:
+                sizes.append(-1)
+                sizes.append(message.size)
+            return super().__len__()
+
+    class Slow(RawCodec):
+        def encode(self, value: bytes, dialect: Dialect) -> Blocks:
+            return Blocks(super().encode(value, dialect))
+
+    message = OutgoingMessage("D", b"hello", Slow(), THREE)
+    assert message.size == 5
+    assert sizes == [-1, 5]
 
 
 @pytest.mark.parametrize("value", [None, 5, [1, 2], object(), 1j])

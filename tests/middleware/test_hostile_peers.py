@@ -290,17 +290,23 @@ class Schedule:
         self.got: list[tuple[object, ...]] = []
         self.sent: list[tuple[object, ...]] = []
         self.lock = threading.Lock()
+        self.written = threading.Event()
 
     def run(self) -> None:
         """Run all threads to their end."""
         jobs = [(self.write, number) for number in range(3)] + [(self.read,), (self.disturb,)]
         self.luck.shuffle(jobs)
         threads = [threading.Thread(target=job, args=arguments, daemon=True) for job, *arguments in jobs]
+        reading = threads[jobs.index((self.read,))]
         for thread in threads:
             thread.start()
         for thread in threads:
-            thread.join(20)
-            assert not thread.is_alive(), "a deadlock"
+            if thread is not reading:
+                thread.join(20)
+                assert not thread.is_alive(), "a deadlock"
+        self.written.set()
+        reading.join(20)
+        assert not reading.is_alive(), "a deadlock"
 
     def write(self, number: int) -> None:
         """Write forty messages, as long as the port is open."""
@@ -313,12 +319,14 @@ class Schedule:
                 return
 
     def read(self) -> None:
-        """Read until no message comes any more."""
-        try:
-            while True:
-                self.got.append(tuple(self.reader.read(timeout=0.3)))
-        except RtfError:
-            return
+        """Read until nothing is written any more, and nothing is left."""
+        while True:
+            over = self.written.is_set()
+            try:
+                self.got.append(tuple(self.reader.read(timeout=0.05)))
+            except RtfError:
+                if over:
+                    return
 
     def disturb(self) -> None:
         """Interrupt and resume writers, and perhaps close one."""

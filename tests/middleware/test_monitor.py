@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rtf import clock
-from rtf.bottle import Bottle
-from rtf.middleware.errors import MiddlewareError
+from rtf.bottle import MAX_DEPTH, Bottle, Vocab
+from rtf.middleware.errors import MiddlewareError, ProtocolError
+from rtf.middleware.ports import remote
 from rtf.middleware.ports.port import Port
 from rtf.middleware.ports.rpc import RpcClient, RpcServer
 from rtf.middleware.tools import tcp_counters
 from rtf.middleware.tools.monitor import Link, Tap, Traffic, survey
 from rtf.middleware.wire.contact import Contact
+from waiting import eventually
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -42,6 +44,13 @@ def writing(port: Port) -> Iterator[None]:
     yield
     over.set()
     thread.join()
+
+
+def some_arrive(arrived: list[object]) -> None:
+    """Wait for 0.3 s, and until some messages have come in this time."""
+    before = len(arrived)
+    clock.sleep(0.3)
+    eventually(lambda: len(arrived) > before + 20, "nothing comes")
 
 
 #: Bytes of such a message: index with two blocks, command, and a bottle of three integers.
@@ -77,6 +86,31 @@ class TestSurvey:
             assert clock.monotonic() - before < 5
         assert found == {"/mute": False, "/gone": False, "/group": None}
 
+    def test_a_port_that_answers_nonsense(self, network: Network):
+        """An answer that is no bottle is a ProtocolError of the request, and in the survey its port is silent."""
+        with Port("/good", network=network), socket.create_server(("127.0.0.1", 0)) as listening:
+            contact = Contact("/rogue", "127.0.0.1", listening.getsockname()[1], "tcp")
+            network.names.register(contact.name, carrier="tcp", host=contact.host, port=contact.port)
+            thread = threading.Thread(target=_answer_nonsense, args=(listening, 2))
+            thread.start()
+            with pytest.raises(ProtocolError, match=r"a port answered \[ver\] with '\(\(\("):
+                remote.administer(network, contact, Bottle([Vocab("ver")]))
+            assert {port.name: port.alive for port in survey(network)} == {"/good": True, "/rogue": False}
+            thread.join(10)
+
+
+def _answer_nonsense(listening: socket.socket, callers: int) -> None:
+    """Answer the first admin request of each caller with more brackets than a bottle may have."""
+    listening.settimeout(10)
+    for _ in range(callers):
+        connection, _ = listening.accept()
+        with connection, connection.makefile("rwb", buffering=0) as lines:
+            lines.readline()
+            lines.write(b"Welcome admin\r\n")
+            lines.readline()
+            lines.readline()
+            lines.write(b"(" * (MAX_DEPTH + 1) + b"\r\n<ACK>\r\n")
+
 
 class TestTraffic:
     """Rates from the counters of the kernel."""
@@ -100,7 +134,7 @@ class TestTraffic:
             a.add_output("/b")
             with writing(a):
                 for ports in ([], survey(network)):
-                    clock.sleep(0.3)
+                    some_arrive(arrived)
                     moments.append((len(arrived), clock.monotonic()))
                     found = traffic.flows(ports).get("/b")
                     moments.append((len(arrived), clock.monotonic()))
@@ -112,10 +146,14 @@ class TestTraffic:
 
     def test_bytes_over_fast_tcp(self, network: Network):
         """Without acknowledgements the rate of messages is unknown, and the bandwidth is known."""
-        with Port("/a", network=network) as a, Port("/b", _ignore, network=network):
+        arrived: list[object] = []
+        traffic = Traffic()
+        with Port("/a", network=network) as a, Port("/b", arrived.append, network=network):
             a.add_output("/b", "fast_tcp")
             with writing(a):
-                found = self.flow(network, "/b")
+                traffic.flows([])
+                some_arrive(arrived)
+                found = traffic.flows(survey(network)).get("/b")
         assert found.rate is None
         assert found.bandwidth > 100
 

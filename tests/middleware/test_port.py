@@ -9,17 +9,24 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from rtf.bottle import Bottle
+from rtf.bottle import Bottle, BottleError
 from rtf.middleware.errors import ConnectError, MiddlewareError, PortClosedError, WaitTimeoutError
-from rtf.middleware.ports.buffered import BufferedPort
+from rtf.middleware.ports import port as ports
+from rtf.middleware.ports.buffered import BufferedPort, Received
 from rtf.middleware.ports.inputs import Input
+from rtf.middleware.ports.outputs import Output
 from rtf.middleware.ports.port import Port
 from rtf.middleware.ports.rpc import RpcClient, RpcServer
+from rtf.middleware.ports.sender import Sender
+from rtf.middleware.types.codecs import codec_of
 from rtf.middleware.wire import framing
 from rtf.middleware.wire.contact import Contact
 from waiting import eventually, open_descriptors
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rtf.middleware.carriers.base import Group
     from rtf.middleware.ports.network import Network
     from rtf.middleware.wire.incoming_message import IncomingMessage
 
@@ -86,6 +93,102 @@ class TestConnecting:
             thread.join()
             assert writer.remove_output(here[0])
             assert [output.peer for output in writer.outputs] == [here[1]]
+
+    def test_a_caller_for_whom_no_thread_is_free_is_cut_off(self, network: Network, monkeypatch: pytest.MonkeyPatch):
+        """The error is reported, and the port neither keeps the caller nor waits for it at the end."""
+        told: list[str] = []
+        start = threading.Thread.start
+
+        def refuse_inputs(thread: threading.Thread) -> None:
+            if thread.name.startswith("rtf-input"):
+                raise RuntimeError("can't start new thread")
+            start(thread)
+
+        monkeypatch.setattr(threading, "excepthook", lambda args: told.append(str(args.exc_value)))
+        with Port("/reader", network=network) as reader:
+            with monkeypatch.context() as patch:
+                patch.setattr(threading.Thread, "start", refuse_inputs)
+                with socket.create_connection((reader.contact.host, reader.contact.port), timeout=2) as connection:
+                    assert connection.recv(1) == b""
+            eventually(lambda: told == ["can't start new thread"], "the error is not told")
+            assert not reader._inputs
+            with Port("/writer", network=network) as writer:
+                writer.add_output("/reader")
+
+    @pytest.mark.parametrize("stop", [KeyboardInterrupt, ConnectError])
+    def test_a_port_whose_construction_is_stopped_is_closed(
+        self, network: Network, monkeypatch: pytest.MonkeyPatch, stop: type[BaseException]
+    ):
+        """A port that nobody owns is not left registered, nor its thread and descriptors."""
+
+        def announce(name: str) -> None:
+            assert network.names.query(name)
+            raise stop
+
+        with monkeypatch.context() as patch:
+            patch.setattr(network.names, "announce", announce)
+            with pytest.raises(stop):
+                Port("/port", network=network)
+        assert network.names.query("/port") is None
+
+
+class TestWriting:
+    """A plain port: several threads that write and connect."""
+
+    def test_each_message_has_its_own_envelope(self, network: Network, monkeypatch: pytest.MonkeyPatch):
+        """A message that another thread writes meanwhile has its own envelope, and changes no other one."""
+        got: list[tuple[object, str]] = []
+
+        def find_codec(value: object) -> object:
+            if value == Bottle([1]):
+                writer.write(Bottle([2]), envelope="2 0.2")
+            return codec_of(value)
+
+        monkeypatch.setattr(ports, "codec_of", find_codec)
+        with (
+            Port("/reader", lambda delivery: got.append((delivery.read()[0], delivery.envelope)), network=network),
+            Port("/writer", network=network) as writer,
+        ):
+            writer.add_output("/reader")
+            writer.write(Bottle([1]), envelope="1 0.1")
+        assert got == [(2, "2 0.2"), (1, "1 0.1")]
+
+    def test_writes_do_not_wait_for_the_name_server(self, network: Network, monkeypatch: pytest.MonkeyPatch):
+        """While a name server does not answer the request for a multicast group, messages are written to others."""
+        written: list[bool] = []
+        register = network.names.register
+
+        def slowly(name: str, **details: object) -> Contact:
+            if "/net=" in name:
+                thread = in_thread(writer.write, Bottle([1]))
+                thread.join(2)
+                written.append(not thread.is_alive())
+            return register(name, **details)  # type: ignore[arg-type]
+
+        monkeypatch.setattr(network.names, "register", slowly)
+        with (
+            BufferedPort("/reader", network=network) as reader,
+            BufferedPort("/other", network=network),
+            Port("/writer", network=network) as writer,
+        ):
+            writer.add_output("/reader")
+            writer.add_output("/other", "mcast")
+            assert written[0]
+            assert reader.read(timeout=5) == Bottle([1])
+
+    def test_a_closed_port_registers_no_group(self, network: Network):
+        """A port that is closed while it connects by multicast leaves no group registered."""
+
+        class ClosedMeanwhile(Port):
+            def multicast_group(self, interface: str) -> Group:
+                self.close()
+                return super().multicast_group(interface)
+
+        with Port("/reader", network=network):
+            writer = ClosedMeanwhile("/writer", network=network)
+            with pytest.raises(MiddlewareError, match="/writer is closed"):
+                writer.add_output("/reader", "mcast")
+            assert [contact.name for contact in network.names.list()] == ["/reader"]
 
 
 class TestReading:
@@ -205,6 +308,49 @@ class TestBuffered:
             writer.write(Bottle([1]), envelope="7 0.5")
             eventually(lambda: got, "the callback was not called")
         assert got == [(Bottle([1]), "/writer", "7 0.5", "rtf-callback /reader")]
+
+    def test_an_error_of_the_callback_costs_no_other_object(self, network: Network, monkeypatch: pytest.MonkeyPatch):
+        """An error of the callback reaches threading.excepthook, and later objects are passed on."""
+        told: list[str] = []
+        monkeypatch.setattr(threading, "excepthook", lambda args: told.append(str(args.exc_value)))
+        got: list[object] = []
+
+        def call(received: Received[Bottle]) -> None:
+            got.append(received.value[0])
+            if got == [0]:
+                raise ValueError("no zero")
+
+        with (
+            BufferedPort("/reader", strict=True, callback=call, network=network),
+            Port("/writer", network=network) as writer,
+        ):
+            writer.add_output("/reader")
+            for number in range(3):
+                writer.write(Bottle([number]))
+            eventually(lambda: got == [0, 1, 2], "objects are missing", 2.0)
+        assert told == ["no zero"]
+
+    @pytest.mark.parametrize("error", [ValueError, BottleError])
+    def test_an_error_of_a_local_reader_ends_its_connection(
+        self, network: Network, said: list[str], monkeypatch: pytest.MonkeyPatch, error: type[Exception]
+    ):
+        """It is raised in the writer's thread: it is reported there, and a strict write that waits is over."""
+        waiting = threading.Event()
+        wait = Sender.wait
+        monkeypatch.setattr(Sender, "wait", lambda self, timeout=None: (waiting.set(), wait(self, timeout))[1])
+
+        def fail(delivery: IncomingMessage) -> None:
+            assert waiting.wait(10)
+            raise error("a bad message")
+
+        with Port("/reader", fail, network=network), BufferedPort("/writer", network=network) as writer:
+            writer.add_output("/reader", "local")
+            assert writer.write(Bottle([1])) == 1
+            assert writer.write(Bottle([2]), strict=True) == 0
+            eventually(lambda: said, "nothing is reported", 2.0)
+            assert writer.outputs == ()
+            assert writer.write(Bottle([3]), strict=True) == 0
+        assert said == ["Removing output from /writer to /reader: a bad message"]
 
     def test_busy_reader_is_skipped(self, network: Network):
         """A write skips an output that is still busy; a strict one waits for it."""
@@ -393,6 +539,33 @@ class TestEnd:
         with RpcClient("/client", "/server", network=network) as client:
             assert client.call(Bottle(["quit"]), timeout=10) == Bottle(["quit ends it"])
             eventually(lambda: network.names.query("/server") is None, "the server is not closed")
+
+    @pytest.mark.parametrize(
+        "end", [BufferedPort.close, lambda writer: writer.remove_output("/reader")], ids=["close", "remove_output"]
+    )
+    def test_the_last_message_is_sent_before_the_end(
+        self,
+        network: Network,
+        said: list[str],
+        monkeypatch: pytest.MonkeyPatch,
+        end: Callable[[BufferedPort[Bottle]], object],
+    ):
+        """What was written before the connection is ended arrives, however late its thread is."""
+        late = threading.Event()
+        run, join, close = Sender._run, Sender.join, Output.close
+        monkeypatch.setattr(Sender, "_run", lambda self: (late.wait(10), run(self)))
+        monkeypatch.setattr(Sender, "join", lambda self, timeout: (late.set(), join(self, timeout)))
+        monkeypatch.setattr(Output, "close", lambda self, **how: (close(self, **how), late.set()))
+        got: list[object] = []
+        with (
+            Port("/reader", lambda delivery: got.append(delivery.read()), network=network),
+            BufferedPort("/writer", network=network) as writer,
+        ):
+            writer.add_output("/reader")
+            assert writer.write(Bottle([1])) == 1
+            end(writer)
+            assert got == [Bottle([1])]
+        assert said == []
 
     def test_close_ends_a_write_that_hangs(self, network: Network):
         """Closing a writer ends its write to a reader that does not read."""

@@ -194,6 +194,31 @@ class TestEnds:
             assert keeper.came == [0, 0, "bad", 1]
             assert any("/bad was cut off: that is bad" in line for line in said)
 
+    def test_a_callback_that_ends_its_thread_ends_only_its_connection(
+        self, pair: tuple[PipelinedPort, Keeper], monkeypatch: pytest.MonkeyPatch
+    ):
+        """SystemExit of a callback reaches threading.excepthook, and closes its connection and no other one."""
+        told: list[type[BaseException]] = []
+        monkeypatch.setattr(threading, "excepthook", lambda args: told.append(args.exc_type))
+        writer, keeper = pair
+
+        class Leaving(Keeper):
+            def _keep(self, delivery: IncomingMessage) -> None:
+                super()._keep(delivery)
+                if self.came[-1] == "leave":
+                    raise SystemExit
+
+        with Leaving("/leaving", keeper.network) as leaving, PipelinedPort("/other", network=keeper.network) as other:
+            other.add_output("/leaving", "tcp")
+            other.write(Bottle([0]))
+            other.settle()
+            eventually(lambda: not threads_of_inputs(), "the connection has a thread")
+            other.write(Bottle(["leave"]))
+            eventually(lambda: told == [SystemExit] and not leaving.inputs, "the connection has not ended")
+            writer.write(Bottle([1]))
+            writer.settle()
+        assert keeper.came == [0, 1]
+
     def test_who_does_not_take_its_acknowledgements_is_cut_off(self, network: Network, said: list[str]):
         """A writer that does not read acknowledgements is disconnected, because it would block the thread."""
         with Keeper("/keeper", network) as keeper, raw(keeper) as caller:

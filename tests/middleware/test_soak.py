@@ -25,6 +25,8 @@ SECONDS = float(os.environ.get("RTF_SOAK", "3"))
 #: The memory in bytes that a process may have gained between its first half second and its end.
 _GROWTH = 3 << 20
 _RATE_TOLERANCE = 0.05
+#: Seconds for which a busy machine may keep the first or the last message.
+_BUSY = 2.0
 _COMMON = """
 import json, os, sys, threading
 from pathlib import Path
@@ -148,6 +150,11 @@ def _has_not_grown(before: dict[str, int], after: dict[str, int], who: str) -> N
     assert after["memory"] - before["memory"] < _GROWTH, who
 
 
+def _all_there(streams: dict[str, Any]) -> bool:
+    """Whether all messages have come that cannot be lost on the way; writers have ended before their last is read."""
+    return all(streams[one.target]["count"] == round(one.rate * SECONDS) for one in FLOWS if one.carrier != "udp")
+
+
 @pytest.mark.timeout(SECONDS + 60)
 def test_rates_are_kept_and_nothing_grows(server: NameServer):
     """Streams of several processes to one keep their rates, without more memory, threads or descriptors."""
@@ -170,6 +177,7 @@ def test_rates_are_kept_and_nothing_grows(server: NameServer):
         eventually(
             lambda: _ask(reader, "held")["threads"] < early["threads"], "inputs of writers that are gone are left"
         )
+        eventually(lambda: _all_there(_ask(reader, "streams")), "messages are missing")
         streams, after = _ask(reader, "streams"), _ask(reader, "held")
         problems = json.loads(reader.communicate(timeout=20)[0])
     finally:
@@ -185,8 +193,8 @@ def test_rates_are_kept_and_nothing_grows(server: NameServer):
         assert seen["damaged"] == 0, flow
         assert seen["count"] == sent if flow.carrier != "udp" else 0.9 * sent <= seen["count"] <= sent, flow
         assert seen["bytes"] == seen["count"] * flow.size, flow
-        rate = seen["last"] / (seen["last_at"] - seen["first_at"])
-        assert rate == pytest.approx(flow.rate, rel=_RATE_TOLERANCE), flow
+        took, due = seen["last_at"] - seen["first_at"], seen["last"] / flow.rate
+        assert abs(took - due) <= _RATE_TOLERANCE * due + _BUSY, flow
         assert report["said"] == []
         _has_not_grown(report["early"], report["after"], flow.target)
     assert [contact.name for contact in server.names.list() if contact.name.startswith(("/reader", "/writer"))] == []

@@ -116,7 +116,10 @@ def test_a_socket_that_was_closed_behind_its_back_makes_room_for_another(watcher
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
-def test_an_error_is_reported_and_the_others_go_on(watcher: SocketWatcher, monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.parametrize("error", [ZeroDivisionError, SystemExit, KeyboardInterrupt])
+def test_an_error_is_reported_and_the_others_go_on(
+    watcher: SocketWatcher, monkeypatch: pytest.MonkeyPatch, error: type[BaseException]
+):
     """An error of a callback reaches threading.excepthook, and other sockets are read."""
     told: list[type[BaseException]] = []
     monkeypatch.setattr(threading, "excepthook", lambda args: told.append(args.exc_type))
@@ -124,16 +127,35 @@ def test_an_error_is_reported_and_the_others_go_on(watcher: SocketWatcher, monke
 
     def fail() -> None:
         broken[0].recv(100)
-        raise ZeroDivisionError
+        raise error
 
     watcher.add(broken[0], fail)
     broken[1].send(b"hello")
-    eventually(lambda: told == [ZeroDivisionError], "the error is not told")
+    eventually(lambda: told == [error], "the error is not told")
     assert sound.hears()
     watcher.remove(broken[0])
     for end in broken:
         end.close()
     sound.close()
+
+
+def test_a_thread_that_cannot_be_started_is_started_later(watcher: SocketWatcher, monkeypatch: pytest.MonkeyPatch):
+    """A moment without free threads is an error of that call only: the next one starts the thread."""
+    near, far = socket.socketpair()
+
+    def refuse(thread: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(threading.Thread, "start", refuse)
+        with pytest.raises(RuntimeError):
+            watcher.add(near, lambda: None)
+    ear = Ear(watcher)
+    assert ear.hears()
+    watcher.remove(near)
+    ear.close()
+    near.close()
+    far.close()
 
 
 def test_what_is_called_may_remove_its_own_socket(watcher: SocketWatcher):

@@ -45,6 +45,25 @@ def ends() -> Iterator[tuple[Stream, Callable[[bytes], None]]]:
     far.close()
 
 
+class ClosedMeanwhile(socket.socket):
+    """A socket that another thread closes just before its options are set."""
+
+    def setsockopt(self, *option: object) -> None:  # type: ignore[override]
+        """Close it, and set the option then."""
+        self.close()
+        super().setsockopt(*option)  # type: ignore[call-overload]
+
+
+def test_the_timeout_of_a_stream_that_is_closed_meanwhile():
+    """Setting it is no error: the next read or write says that the stream is closed."""
+    near, far = socket.socketpair()
+    with far:
+        stream = Stream(ClosedMeanwhile(fileno=near.detach()))
+        stream.limit_waiting(1.0)
+        with pytest.raises(StreamClosedError):
+            stream.send(b"hello")
+
+
 class TestKeeping:
     """Messages that are kept do not change."""
 

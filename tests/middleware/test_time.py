@@ -172,6 +172,63 @@ class TestLockstep:
         time.close()
         assert sorted(seen) == ["closed", "refused"]
 
+    @pytest.mark.parametrize("then", ["leave", "sleep"])
+    def test_the_clock_is_closed_by_another_thread(self, world: World, network: Network, then: str):
+        """A thread that takes part can still leave, and its next sleep is an error of the middleware."""
+        time = LockstepClock("/clock/rpc", "tester", network=network)
+        closer = threading.Thread(target=time.close)
+        closer.start()
+        closer.join(10)
+        if then == "leave":
+            time.leave()
+        with pytest.raises(PortClosedError, match="the clock /clock/rpc is closed"):
+            time.sleep(0.01)
+        eventually(lambda: not world.server.participants, "a participant is left")
+
+    def test_who_joins_while_the_clock_is_closed_is_refused(
+        self, world: World, network: Network, monkeypatch: pytest.MonkeyPatch
+    ):
+        """A thread whose request to take part is answered after the clock was closed takes part no more."""
+        time = LockstepClock("/clock/rpc", "tester", network=network)
+        time.leave()
+        join = world.server.join
+        monkeypatch.setattr(world.server, "join", lambda *who: (time.close(), join(*who))[1])
+        with pytest.raises(PortClosedError, match="the clock /clock/rpc is closed"):
+            time.sleep(0.01)
+        eventually(lambda: not world.server.participants, "a participant is left")
+
+    def test_continue_ends_a_step(self, network: Network):
+        """A step that waits when time may continue is not made up for in the next pause."""
+        told: list[float] = []
+        busy, may_go = threading.Event(), threading.Event()
+
+        def advance(until: float) -> float:
+            told.append(until)
+            busy.set()
+            assert may_go.wait(10)
+            return until
+
+        server = LockstepServer("/clock/rpc", advance, network=network, reset=lambda: None)
+        with (
+            closing(server),
+            RpcClient("/director", "/clock/rpc", network=network) as director,
+            RpcClient("/stepper", "/clock/rpc", network=network) as stepper,
+        ):
+            sleeper = threading.Thread(target=server.wait_until, args=(server.join("sleeper"), 1.0))
+            sleeper.start()
+            assert busy.wait(10)
+            director.call(Bottle(["pause"]))
+            step = threading.Thread(target=stepper.call, args=(Bottle(["step", 100.0]),))
+            step.start()
+            eventually(lambda: server._step_until == 100.0, "no step is due")
+            director.call(Bottle(["continue"]))
+            step.join(10)
+            may_go.set()
+            sleeper.join(10)
+            director.call(Bottle(["pause"]))
+            director.call(Bottle(["reset"]))  # its thread would go on with a step that is due
+        assert told == [1.0]
+
     def test_participant_that_vanishes_is_dropped(self, world: World, network: Network):
         """A participant whose connection ends does not delay others any more."""
         lost = RpcClient("/lost", "/clock/rpc", network=network)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import random
 import signal
 import socket
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import psutil
@@ -14,6 +16,7 @@ import pytest
 
 from harness import read_back, write_files
 from live_page import WAITING, LiveRun, Page
+from rtf.page import server
 from rtf.testing.events import Answered, Interrupted, RunEnded, TestEnded
 from rtf.testing.verdict import ExitCode, Verdict
 
@@ -343,3 +346,25 @@ def test_everything_that_was_said_is_in_the_last_records(folder: Path):
     assert isinstance(events[-1], RunEnded)
     assert (last["event"], last["verdict"]) == ("run_ended", "passed")
     assert [event.final for event in events if isinstance(event, TestEnded)] == [True]
+
+
+def test_an_answer_that_is_just_too_late_is_left(monkeypatch: pytest.MonkeyPatch):
+    """One that is read in the moment in which its time ends; the server hears of what follows."""
+    monkeypatch.setattr(server, "_ANSWER_TIME", 0.0)
+    over: list[bool] = []
+
+    async def converse() -> None:
+        reader = asyncio.StreamReader()
+        runner = server.Runner(reader, SimpleNamespace(write=str))  # type: ignore[arg-type]  # what is used of it
+        watch = SimpleNamespace(finish=lambda: over.append(True))
+        listening = asyncio.create_task(runner.listen(watch))  # type: ignore[arg-type]  # what is used of it
+        asking = asyncio.create_task(runner.command({"stop": 1}))
+        await asyncio.sleep(0)  # both wait now, and the time of the request ends in the next turn
+        reader.feed_data(b'{"id": 1}\n{"over": true}\n')
+        reader.feed_eof()
+        await listening
+        with pytest.raises(TimeoutError):
+            await asking
+
+    asyncio.run(converse())
+    assert over == [True]

@@ -94,7 +94,7 @@ class _States(BufferedPort[ExtendedState]):
 def client_of(board: ScriptedBoard, network: Network, **parameters: object) -> Iterator[RemoteControlBoard]:
     """Return an open client with a unique name."""
     client = RemoteControlBoard("board", network=network)
-    given = {"remote": board.name, "local": "/client", "carrier": "tcp", **parameters}
+    given = {"remote": board.name, "local": "/client", "carrier": "tcp", "timeout": 10.0, **parameters}
     client.open(Property({key: value for key, value in given.items() if value is not None}))
     try:
         yield client

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
+import threading
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -193,3 +194,29 @@ def test_a_joint_in_another_mode_is_not_put_back(node: Callable[..., Node], netw
             lambda: robot.said == ["arm: a command is not obeyed: joint1 is in the mode idl, not posd"], "silence"
         )
         assert robot.board.control_mode(1) is ControlMode.IDLE
+
+
+def test_a_stop_while_a_mode_is_entered_is_the_last_word(
+    node: Callable[..., Node], network: Network, monkeypatch: pytest.MonkeyPatch
+):
+    """The command before it is forgotten, and one after it is obeyed, though the board had shown the mode of both."""
+    with ros_robot(node, network) as robot:
+        user, stopped, look = node("user"), threading.Event(), robot.client.control_modes
+        stop = user.client("/bridge/stop", TRIGGER)
+
+        def stopped_behind() -> tuple[ControlMode, ...]:
+            modes, thread = look(), threading.current_thread().name
+            if thread == "rtf-commands arm" and {*modes} == {ControlMode.POSITION_DIRECT} and not stopped.is_set():
+                assert stop.call(TriggerRequest(), 20.0).success
+                stopped.set()
+            return modes
+
+        monkeypatch.setattr(robot.client, "control_modes", stopped_behind)
+        there = user.publisher(COMMANDS, Float64MultiArray)
+        ready(there)
+        there.publish(degrees(50.0, 0.0, 0.0))
+        assert stopped.wait(10.0)
+        eventually(lambda: {*look()} == {ControlMode.POSITION}, "it is not stopped")
+        there.publish(degrees(1.0, 0.0, 0.0))
+        eventually(lambda: abs(robot.board.encoders()[0] - 1.0) < 1e-3, "it does not obey any more", 3.0)
+        assert robot.said == []

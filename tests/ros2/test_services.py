@@ -115,6 +115,24 @@ def test_a_call_ends_with_its_node(node: Callable[..., Node]):
         client.call(TriggerRequest(), 20.0)
 
 
+def test_a_node_is_closed_when_its_calls_have_ended(node: Callable[..., Node], monkeypatch: pytest.MonkeyPatch):
+    """A call that is looking at the service at that moment ends like any other, with an error of the library."""
+    one = node("one")
+    client = one.client("/nowhere", TRIGGER)
+    closing, look = threading.Thread(target=one.close), client._is_there
+
+    def closed_meanwhile() -> bool:
+        if not closing.ident:
+            closing.start()
+            closing.join(0.3)  # unless it waits for the call
+        return look()
+
+    monkeypatch.setattr(client, "_is_there", closed_meanwhile)
+    with pytest.raises(Ros2Error, match="the node of the client of /nowhere was closed"):
+        client.call(TriggerRequest(), 20.0)
+    closing.join()
+
+
 def test_bytes_and_names_are_those_of_rmw_cyclonedds(node: Callable[..., Node], domain: int):
     """Number of the client, number of the call, then the fields; an empty message has a byte."""
     assert TriggerRequest(client=3, sequence=2).serialize().hex() == "000100000300000000000000020000000000000000"

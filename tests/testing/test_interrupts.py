@@ -346,9 +346,7 @@ def test_three_interrupts_end_a_fixture_that_does_not_come_down(scene: Scene):
     """After three interrupts a teardown that hangs is killed."""
     command = scene.start(down="time.sleep(3600)")
     scene.wait_until_noted("rig going down")
-    for _ in range(3):
-        command.signal()
-        clock.sleep(0.05)  # signals that are pending together count as one
+    interrupt(command, 3)  # each after the one before: signals that are pending together count as one
     outcome = check_end(command, scene, a=Verdict.PASSED, b=Verdict.PASSED, c=Verdict.PASSED)
     assert outcome.events[-1].duration < 15
 

@@ -456,11 +456,11 @@ def test_time_out_of_the_run(tmp_path: Path):
 @pytest.mark.parametrize("whose", ["suite", "run"])
 def test_time_out_during_the_setup_of_a_fixture(whose: str, tmp_path: Path):
     """The limits of suite and run include the setup of fixtures."""
-    timeout = ' timeout="2"' if whose == "suite" else ""
+    timeout = ' timeout="5"' if whose == "suite" else ""
     outcome = run_suite(
         tmp_path,
         f'<suite name="s"{timeout}><fixture>rig.py</fixture><test name="a">t.py</test></suite>',
-        options={"run_timeout": 2.0} if whose == "run" else {},
+        options={"run_timeout": 5.0} if whose == "run" else {},
         t__py=plugin(Row(Verdict.PASSED)),
         rig__py=rig(setup="time.sleep(60)"),
     )

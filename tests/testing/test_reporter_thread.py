@@ -173,3 +173,40 @@ def test_a_run_that_is_to_stop_waits_less_for_its_reports(
     thread = thread_of(broken, Endless())
     thread.close(lambda: asked.pop(0) if len(asked) > 1 else asked[0])
     assert [str(error) for _, error in broken] == [f"close() did not return within {limit:g} s"]
+
+
+def test_a_thread_that_is_about_to_start_is_waited_for(
+    broken: list[tuple[Reporter, BaseException]], monkeypatch: pytest.MonkeyPatch
+):
+    """A report is closed, though the thread that is to do it is slow to start after another one has hung."""
+    monkeypatch.setattr(reporter_thread, "_WATCH", 0.05)
+    starting, go_on = threading.Event(), threading.Event()
+    start = threading.Thread.start
+
+    def start_slowly(thread: threading.Thread) -> None:
+        if thread.name == "rtf-reports" and threading.current_thread().name == "rtf-reports-watch":
+            starting.set()
+            go_on.wait()
+        start(thread)
+
+    class Waited(ReporterThread):
+        def _leave_what_hangs(self) -> None:
+            if threading.current_thread() is threading.main_thread():  # it waits for the reporters
+                go_on.set()
+            super()._leave_what_hangs()
+
+    class Closing(Hearing):
+        closed = False
+
+        def close(self, results: RunResult) -> None:
+            self.closed = True
+
+    monkeypatch.setattr(threading.Thread, "start", start_slowly)
+    closing = Closing()
+    thread = Waited([closing, Hanging()], lambda reporter, error: broken.append((reporter, error)))
+    for _ in range(2):
+        thread.put(SuiteStarted(suite="s"))
+    assert starting.wait(10.0)
+    thread.close(lambda: 0)
+    go_on.set()
+    assert closing.closed

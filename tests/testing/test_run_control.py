@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
@@ -12,6 +14,7 @@ from harness import run_suite
 from rtf.testing.events import Answered, Asked, Interrupted, RunEnded, TestEnded
 from rtf.testing.run_control import AnswerError, Control, TooLateError
 from rtf.testing.verdict import ExitCode, Verdict
+from waiting import eventually
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -158,6 +161,23 @@ def test_listeners_hear_of_each_question():
     control.attend(heard.append)
     control.ask(question(), lambda *_: None)
     assert [asked.question for asked in heard] == ["s/t#1"]
+
+
+def test_a_typed_letter_of_another_encoding_is_no_answer(control: Control, monkeypatch: pytest.MonkeyPatch):
+    """What is typed after it is."""
+    given: list[tuple[str | None, str]] = []
+    read, write = os.pipe()
+    with os.fdopen(read, encoding="utf-8") as typed, os.fdopen(write, "wb", buffering=0) as terminal:
+        monkeypatch.setattr(sys, "stdin", typed)
+        control.note(ended("s/t"))
+        control.attend_terminal()
+        control.ask(question("s/u"), lambda answer, source: given.append((answer, source)))
+        terminal.write(b"s\xec\n")
+        terminal.write(b"yes\n")
+        eventually(lambda: given, "it is not answered", 2.0)
+        terminal.close()
+        eventually(lambda: "rtf-operator" not in {one.name for one in threading.enumerate()}, "it reads on")
+    assert given == [("yes", "console")]
 
 
 # In a run ----------------------------------------------------------------------------------------------------------

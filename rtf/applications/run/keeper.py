@@ -24,20 +24,24 @@ def fork_server(grace: float) -> int | None:
     Called before there are threads. ``grace`` is how many seconds what is left has from SIGTERM to SIGKILL.
     """
     keeper = os.getpid()
+    awaited = {signal.SIGCHLD, *(one for one in _PASSED_ON if signal.getsignal(one) is not signal.SIG_IGN)}
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, awaited)  # each waits until the keeper asks for it
     server = os.fork()
     if server:
-        return _keep(server, grace)
-    os.setpgid(0, 0)  # Ctrl-C goes to the keeper, which passes it on once
-    processes.die_with_parent(signal.SIGTERM)
-    if os.getppid() != keeper:  # it died in between
-        os._exit(1)
-    return None
+        code = _keep(server, awaited, grace)
+        while signal.sigtimedwait(awaited, 0) is not None:  # those that were for the server
+            continue
+    else:
+        os.setpgid(0, 0)  # Ctrl-C goes to the keeper, which passes it on once
+        processes.die_with_parent(signal.SIGTERM)
+        if os.getppid() != keeper:  # it died in between
+            os._exit(1)
+    signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    return code if server else None
 
 
-def _keep(server: int, grace: float) -> int:
+def _keep(server: int, awaited: set[signal.Signals], grace: float) -> int:
     processes.adopt_orphans()
-    awaited = {signal.SIGCHLD, *(one for one in _PASSED_ON if signal.getsignal(one) is not signal.SIG_IGN)}
-    signal.pthread_sigmask(signal.SIG_BLOCK, awaited)  # each waits until it is asked for
     while (status := _reap(server)) is None:
         signum = signal.sigwait(awaited)
         if signum != signal.SIGCHLD:

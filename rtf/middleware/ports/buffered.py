@@ -186,11 +186,15 @@ class BufferedPort(Port, Generic[T]):
 
     def close(self) -> None:
         with self._lock:
-            senders = [*self._senders.values()]
+            senders, self._senders = [*self._senders.values()], {}
+        last = clock.Deadline.after(_LAST)
+        for sender in senders:
+            sender.close()
+        for sender in senders:
+            sender.join(last.remaining())
         self._ended = True
         super().close()
         for sender in senders:
-            sender.close()
             sender.join(_CLOSING)
         if self._caller is not None and self._caller is not threading.current_thread():
             self._caller.join(_CLOSING)

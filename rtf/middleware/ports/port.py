@@ -105,9 +105,9 @@ class Port:
         self._groups = MulticastGroups()
         self._closed = False
         self._listening, self.contact = self.network.open_address(name, promise)
-        local.enrol(self)
-        SHARED_LISTENER.add(self._listening, self._called)
         try:
+            local.enrol(self)
+            SHARED_LISTENER.add(self._listening, self._called)
             self.network.names.announce(self.contact.name)
         except BaseException:  # such as a stop of the test
             self.close()

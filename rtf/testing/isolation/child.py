@@ -136,19 +136,15 @@ class Child:
     def send(self, message: msgspec.Struct) -> None:
         """Send a message to the child. If the child is gone, nothing happens; the reactor reports its end."""
         view = memoryview(messages.pack(message))
-        while view:
-            with self._sending:
-                if self.channel_closed:
-                    return
+        with self._sending:
+            while view and not self.channel_closed:
                 try:
                     view = view[os.write(self._channel, view) :]
-                    continue
                 except BlockingIOError:
-                    pass
+                    if not select.select([], [self._channel], [], _SEND_LIMIT)[1]:
+                        return
                 except OSError:
                     return
-            if not select.select([], [self._channel], [], _SEND_LIMIT)[1]:
-                return
 
     def mark_as_host(self) -> None:
         """Tell the fork server that this child tears a fixture down, and needs time for it."""

@@ -43,6 +43,8 @@ _SHOWN = 300
 #: Seconds between two looks at a program that is not ready.
 _POLL = 0.05
 _MARK = "RTF_PROGRAM"
+#: The signals that stop a fixture.
+_STOPS = frozenset({signal.SIGTERM, signal.SIGINT})
 
 _numbers = itertools.count(1)
 
@@ -112,7 +114,7 @@ class FixtureProgram:
                 os._exit(1)
 
         # No signal ends this half-way: a program that runs has a thread that attends it, so that it can be stopped.
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM, signal.SIGINT})
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, _STOPS)
         try:
             self._process = subprocess.Popen(
                 self.words,
@@ -219,6 +221,7 @@ class FixtureProgram:
 
     def _attend(self) -> None:
         """Read the program's output until it has ended and its pipes are closed."""
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _STOPS)  # what listens to it may start programs, too
         assert self._process is not None
         for name, stream in (("stdout", self._process.stdout), ("stderr", self._process.stderr)):
             assert stream is not None
@@ -246,6 +249,7 @@ class FixtureProgram:
             try:
                 self._heard(text)
             except Exception as error:  # noqa: BLE001 - of the fixture's author; the program is attended all the same
+                self._heard = lambda _: None
                 self._fixture.collapsed(f"what listens to {self.name} raised {type(error).__name__}: {error}")
         if not data:
             del self._streams[stream]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
 import threading
-from contextlib import closing
+from contextlib import closing, contextmanager
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -13,6 +14,7 @@ from lab import LabFactory, module, needs, shell
 from rtf.applications.deployer import DeployerContext
 from rtf.applications.errors import ApplicationError
 from rtf.applications.events import Kind
+from rtf.applications.links import Links
 from rtf.applications.manager import Manager
 from rtf.applications.page.control import ControlledApplication
 from rtf.applications.page.document import read_document
@@ -21,6 +23,7 @@ from rtf.applications.run.protocol import Start
 from rtf.applications.run.server import RunServer
 from rtf.applications.session import Session
 from rtf.applications.xml.reader import read_application
+from rtf.middleware.ports import remote
 from rtf.middleware.ports.buffered import BufferedPort
 from waiting import eventually
 
@@ -28,8 +31,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
+    from rtf.applications.connections import Link
     from rtf.applications.events import Say
-    from rtf.applications.xml.model import Application
+    from rtf.applications.xml.model import Application, Connection
+    from rtf.middleware.ports.remote import Ask
 
 CONNECTION = "<connection><from>/a</from><to>/b</to></connection>"
 
@@ -221,6 +226,52 @@ def test_an_application_of_another_process_is_watched(bench: Callable[[str], Ben
         with pytest.raises(ApplicationError, match="can be stopped only whole"):
             lab.controlled.stop({"sleep600"})
     eventually(lambda: not lab.controlled.status().runner, "the other process is still seen")
+
+
+def test_an_application_whose_process_has_just_gone_is_stopped(
+    bench: Callable[[str], Bench], monkeypatch: pytest.MonkeyPatch
+):
+    """There is nothing to do, whatever the last look at it has said."""
+    gone = subprocess.Popen(["true"])
+    gone.wait()
+    monkeypatch.setattr(LabFactory, "holder", lambda *_: gone.pid)
+    lab = bench(module("sleep", "60"))
+    eventually(lambda: lab.controlled.status().runner == gone.pid, "the other process is not seen")
+    lab.controlled.stop(None)
+    lab.controlled.stop(None, kill=True)
+
+
+def test_errors_of_the_network_do_not_end_the_looks_at_it(
+    bench: Callable[[str], Bench], monkeypatch: pytest.MonkeyPatch
+):
+    """They are told, and connections are looked at again."""
+    states, errors = Links.states, [ApplicationError("the network is upset")]
+
+    def upset_first(links: Links) -> list[tuple[Connection, Link]]:
+        if errors and threading.current_thread().name.endswith("(_watch_network)"):  # a manager looks, too
+            raise errors.pop()
+        return states(links)
+
+    monkeypatch.setattr(Links, "states", upset_first)
+    lab = bench(CONNECTION)
+    eventually(lambda: lab.controlled.status().connections == {"/a /b": "no port"}, "it is not looked at", 3.0)
+    assert lab.texts(Kind.FAILED) == ["the network is upset"]
+
+
+def test_a_port_whose_answers_cannot_be_read_is_unknown(bench: Callable[[str], Bench], monkeypatch: pytest.MonkeyPatch):
+    """Its connections are looked at until it answers well."""
+
+    @contextmanager
+    def confused(*_args: object, **_more: object) -> Iterator[Ask]:
+        yield lambda *_: ["(" * 200]
+
+    lab = bench(CONNECTION)
+    network = lab.factory.network
+    with BufferedPort("/a", network=network), BufferedPort("/b", network=network):
+        with monkeypatch.context() as patch:
+            patch.setattr(remote, "talk", confused)
+            eventually(lambda: lab.controlled.status().connections == {"/a /b": "unknown"}, "it is not looked at", 3.0)
+        eventually(lambda: lab.controlled.status().connections == {"/a /b": "apart"}, "it is not looked at again", 3.0)
 
 
 @pytest.mark.parametrize(

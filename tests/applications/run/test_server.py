@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -358,3 +359,25 @@ def test_five_starts_from_five_clients(node: Node):
     assert sorted(row.pid for row in node.client.running()) == sorted(pids)
     node.client.terminate_all()
     eventually(lambda: not node.client.running(), "a program still runs")
+
+
+#: A node that is asked to end before its keeper has begun to wait.
+KEPT = """
+import os, signal, time
+from rtf.applications.run import keeper
+
+def asked_to_end():
+    signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])  # so that it comes when the keeper waits
+    signal.raise_signal(signal.SIGTERM)
+
+keeper.processes.adopt_orphans = asked_to_end
+status = keeper.fork_server(1.0)
+if status is None:
+    time.sleep(60)
+os._exit(10 + status)
+"""
+
+
+def test_keeper_that_gets_a_signal_at_once():
+    """A signal that is there when the keeper begins to wait is passed on, and the node ends by it."""
+    assert subprocess.run([sys.executable, "-c", KEPT], timeout=10, check=False).returncode == 11

@@ -7,14 +7,17 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
 from rtf import idl
-from rtf.bottle import Bottle, Dialect
+from rtf.bottle import Bottle, BottleError, Dialect
 from rtf.bottle.binary import encode
+from rtf.cli.network import rpc
+from rtf.middleware.errors import PortClosedError
 from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.port import Port
 from rtf.middleware.ports.rpc import RpcServer
@@ -263,6 +266,24 @@ class TestAsking:
         assert asking.end() == 2
         assert asking.stderr == ""
         assert server.end() == 0
+
+
+def test_no_caller_waits_for_an_answer_that_is_none(monkeypatch: pytest.MonkeyPatch):
+    """It has no reply, as the server ends with what was typed in its place."""
+    monkeypatch.setattr(rpc, "typed", lambda _: iter(["(" * 200]))
+    desk = rpc._Desk()
+
+    def ask() -> None:
+        with pytest.raises(PortClosedError, match="no more answers are given here"):
+            desk.bring(Bottle(["why"]))
+
+    caller = threading.Thread(target=ask, daemon=True)
+    caller.start()
+    with rpc.ENDING, pytest.raises(BottleError):
+        desk.serve()
+    desk.close()
+    caller.join(2.0)
+    assert not caller.is_alive()
 
 
 def _send(net: Net, name: str, text: str) -> None:

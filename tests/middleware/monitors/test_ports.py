@@ -14,11 +14,15 @@ from rtf.bottle import Bottle
 from rtf.middleware.errors import ConnectError
 from rtf.middleware.monitors import attached
 from rtf.middleware.monitors.events import EVENTS
+from rtf.middleware.monitors.script import ScriptName
 from rtf.middleware.naming.local import LocalNames
 from rtf.middleware.ports.network import Network
+from rtf.middleware.ports.outputs import send_to_all
 from rtf.middleware.ports.port import Port
 from rtf.middleware.ports.rpc import RpcClient, RpcServer
 from rtf.middleware.types import IMAGE, Image
+from rtf.middleware.types.codecs import BOTTLE
+from rtf.middleware.wire.outgoing_message import OutgoingMessage
 from waiting import eventually
 
 if TYPE_CHECKING:
@@ -183,6 +187,58 @@ def test_a_whole_port_has_a_monitor(network: Network, reader: Port, got: list[st
             assert ask(f"[dtch] [{way}]") == "[fail]"
             writer.write(Bottle([5]))
     assert got == ["1 seen", "2 seen", "5"]
+
+
+NOTHING = """
+from rtf.middleware.monitors import PortMonitor
+class Monitor(PortMonitor):
+    def accept(self, message):
+        return False
+"""
+
+
+def test_no_message_passes_a_monitor_when_its_connection_ends(
+    network: Network, reader: Port, got: list[str], folder: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """A message that another thread sends meanwhile is looked at by the monitor, or is not sent any more."""
+    (folder / "nothing.py").write_text(NOTHING)
+    with Port("/writer", network=network) as writer:
+        writer.add_output("/reader", "tcp+send.portmonitor+type.py+file.nothing")
+        output, ended = writer.outputs[0], threading.Event()
+        message = OutgoingMessage("D", Bottle(["unseen"]), BOTTLE, network.dialect)
+
+        def end(monitor: attached.Attached, reason: str = "", end=attached.Attached.end) -> None:
+            end(monitor, reason)
+            send_to_all([output], message, lambda *_: None)
+            ended.set()
+
+        monkeypatch.setattr(attached.Attached, "end", end)
+        writer.remove_output("/reader")
+        assert ended.is_set()
+        writer.add_output("/reader")
+        writer.write(Bottle(["last"]))
+    assert got == ["last"]
+
+
+def test_no_message_passes_while_a_monitor_is_replaced(
+    network: Network, reader: Port, got: list[str], folder: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """A message that is written when the old one ends is looked at by the new one."""
+    (folder / "nothing.py").write_text(NOTHING)
+    with Port("/writer", network=network) as writer:
+        writer.add_output("/reader")
+        writer.attach_monitor("out", ScriptName("py", "nothing"))
+        written: list[int] = []
+
+        def end(monitor: attached.Attached, reason: str = "", end=attached.Attached.end) -> None:
+            end(monitor, reason)
+            written.append(writer.write(Bottle(["unseen"])))
+
+        with monkeypatch.context() as patch:
+            patch.setattr(attached.Attached, "end", end)
+            writer.attach_monitor("out", ScriptName("py", "nothing"))
+        assert written == [0]
+    assert got == []
 
 
 HANGING = {

@@ -17,6 +17,7 @@ from rtf import clock
 from rtf.bottle import Bottle
 from rtf.middleware.errors import ConnectError
 from rtf.middleware.naming.client import RemoteNames
+from rtf.middleware.naming.registration_keeper import Record, RegistrationKeeper
 from rtf.middleware.naming.server import NameServer
 from rtf.middleware.ports.network import Network
 from rtf.middleware.ports.port import Port
@@ -168,6 +169,45 @@ def test_announced_when_it_can_be_heard(nothing_left: None, wait_until: Callable
         wait_until(lambda: not names._keeper._records["/a"].announcement_missing, "its announcement is still missing")
         second.names.command("unregister /a")
         names.close()
+
+
+def test_an_announcement_that_fails_while_its_name_is_restored(nothing_left: None, wait_until: Callable[..., None]):
+    """An announcement that another thread makes in vain meanwhile is repeated, too."""
+    restored: list[bool] = []
+
+    def restore(record: Record) -> None:
+        restored.append(record.announced)
+        if len(restored) == 1:
+            keeper.announced("/a", heard=False)
+
+    contact = Contact("/a", "127.0.0.1", 20001)
+    keeper = RegistrationKeeper(lambda _: contact if restored else None, restore, 0.01)
+    keeper.keep(Record(contact))
+    with contextlib.closing(keeper):
+        wait_until(lambda: restored == [False, True], "it is not announced", 2.0)
+
+
+def test_a_name_that_comes_while_the_keeper_is_closed(nothing_left: None, wait_until: Callable[..., None]):
+    """``close`` ends, and the keeper's thread, although another thread opens a port meanwhile."""
+    asked, may_answer = threading.Event(), threading.Event()
+
+    def find(name: str) -> Contact:
+        asked.set()
+        assert may_answer.wait(10)
+        return Contact(name, "127.0.0.1", 20001)
+
+    keeper = RegistrationKeeper(find, lambda _: None, 0.01)
+    keeper.keep(Record(Contact("/a", "127.0.0.1", 20001)))
+    assert asked.wait(10)
+    closer = threading.Thread(target=keeper.close)
+    closer.start()
+    wait_until(lambda: not keeper._records, "it does not close")
+    keeper.keep(Record(Contact("/b", "127.0.0.1", 20001)))
+    may_answer.set()
+    closer.join(2)
+    ended = not closer.is_alive()
+    keeper.close()
+    assert ended
 
 
 def test_no_thread_without_ports(names: RemoteNames, wait_until: Callable[..., None]):

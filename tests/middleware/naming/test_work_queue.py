@@ -10,6 +10,7 @@ import pytest
 from rtf.middleware.errors import ConnectError
 from rtf.middleware.naming import work_queue as module
 from rtf.middleware.naming.work_queue import WorkQueue
+from waiting import eventually
 
 
 @pytest.fixture
@@ -108,6 +109,7 @@ def test_nothing_after_the_end():
     errands.put(1, partial(done.append, 1))
     closing = threading.Thread(target=errands.close)
     closing.start()
+    eventually(lambda: not errands._open, "it is not being closed")
     gate.open.set()
     closing.join(10)
     errands.put(2, partial(done.append, 2))

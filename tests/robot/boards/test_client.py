@@ -188,8 +188,8 @@ def test_two_clients_get_names_of_their_own(network: Network):
     """Clients without a given name have different port names."""
     with (
         ScriptedBoard("/board", network) as board,
-        connect(board.name, network=network) as one,
-        connect(board.name, network=network) as other,
+        connect(board.name, network=network, timeout=10.0) as one,
+        connect(board.name, network=network, timeout=10.0) as other,
     ):
         assert one._link.settings.local != other._link.settings.local
         assert one.encoders().tolist() == other.encoders().tolist()
@@ -313,11 +313,13 @@ def test_a_board_that_is_slow_is_given_up_and_asked_again(network: Network):
 
     with (
         ScriptedBoard("/board", network, answer=slowly) as board,
-        client_of(board, network, rpcTimeout=0.2, timeout=10.0) as client,
+        client_of(board, network, timeout=10.0) as client,
     ):
+        client._link.rpc._limit = 0.2
         with pytest.raises(NoAnswerError, match=r"^/board did not answer '\[get\] \[pos\] 0': "):
             client.target_positions(0)
         go_on.set()
+        client._link.rpc._limit = 10.0
         assert client.target_positions(1).tolist() == [1.0]
         board.publish()
         assert client.encoders().shape == (3,)

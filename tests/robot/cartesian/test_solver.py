@@ -370,6 +370,7 @@ def test_a_solver_that_does_not_answer_is_refused_in_time(board: Board, solver: 
         with pytest.raises(RefusedError, match=r"has not answered in 0\.3 s"):
             control.go_to(TARGET)
         assert control.motion_done()
+        used.solver._patience = 10.0
         solver.ports.solver.resume()
         eventually(control.solver_connected, "it is not connected again")
         control.go_to(TARGET, 0.5)

@@ -33,7 +33,7 @@ def network() -> Iterator[Network]:
 
 
 #: Short timeouts for robots with a device that hangs; all others have timeouts for a busy machine.
-_SHORT = Patience(open=1.0, close=1.0, action=1.0, move=20.0, abort=1.0, grace=1.0, hurry=1.0)
+_SHORT = Patience(open=3.0, close=3.0, action=3.0, move=20.0, abort=3.0, grace=3.0, hurry=3.0)
 _LONG = Patience(open=30.0, close=30.0, action=30.0, move=30.0, abort=30.0, grace=30.0, hurry=30.0)
 
 

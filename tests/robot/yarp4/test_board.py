@@ -495,7 +495,7 @@ def test_both_styles_of_clients_are_served_at_once(network: Network, dialect: Di
         closing(connected(network)) as four,
         closing(RemoteControlBoard("three", network=network)) as three,
     ):
-        three.open(Property({"remote": PART, "local": "/three", "carrier": "tcp"}))
+        three.open(Property({"remote": PART, "local": "/three", "carrier": "tcp", "timeout": 10.0}))
         four.set_reference_speeds(7.5, 1)
         assert three.reference_speeds(1) == pytest.approx([7.5])
         three.set_control_modes(ControlMode.POSITION_DIRECT, 1)

@@ -17,7 +17,7 @@ from rtf.robot.devices.can import motor_messages as m
 from rtf.robot.devices.can.bus import CanBus
 from rtf.robot.devices.can.bus_settings import MULTICAST_GROUP, BusSettings
 from rtf.robot.devices.can.codes import BoardMode, BoardType
-from rtf.robot.devices.can.exchange import Exchange
+from rtf.robot.devices.can.exchange import Exchange, Version
 from waiting import eventually
 
 if TYPE_CHECKING:
@@ -53,8 +53,15 @@ def test_a_host_finds_asks_and_hears_the_boards():
     with boards(port) as process:
         bus = CanBus(BusSettings("udp_multicast", MULTICAST_GROUP, options=(("port", port),)))
         try:
-            exchange = Exchange(bus, timeout=1.0)
-            found, imu = exchange.discover(1.0)
+            exchange = Exchange(bus, timeout=10.0)
+            versions: list[Version] = []
+
+            def both() -> bool:
+                versions[:] = exchange.discover(1.0)
+                return len(versions) == 2
+
+            eventually(both, "a board does not answer")
+            found, imu = versions
             assert (found.board, found.board_type) == (1, BoardType.BLL)
             assert (imu.board, imu.board_type) == (14, BoardType.MTB4)
             assert exchange.ask(m.CONTROL_MODE, 1) == (BoardMode.IDLE,)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import socket
+import threading
 from typing import TYPE_CHECKING
 
 import pytest
@@ -15,9 +16,10 @@ from rtf.testing import plugins
 from rtf.testing.events import Diagnosed, OutputCaptured, TestEnded, TestStarted
 from rtf.testing.isolation import child as child_module
 from rtf.testing.isolation import messages
-from rtf.testing.isolation.child import Child
+from rtf.testing.isolation.child import Child, End
 from rtf.testing.isolation.fork_server import ForkServer, unfit_because
 from rtf.testing.isolation.messages import Frames, Job, Preload, Use
+from rtf.testing.isolation.reactor import Reactor
 from rtf.testing.isolation.worker_pool import ForkServerClient, LoadTimeoutError
 from rtf.testing.suite.model import Timeouts
 from rtf.testing.verdict import Verdict
@@ -361,3 +363,47 @@ def test_a_fork_server_that_does_not_end_a_killed_child_is_replaced(
     child.dismiss()
     assert child.end is not None
     assert parent_of(fork_server.take()) != first
+
+
+class Alone:
+    """A pool in which nothing is forked."""
+
+    def __init__(self) -> None:
+        self.reactor = Reactor()
+
+    def request(self, message: object, *descriptors: int) -> None: ...
+
+    def rouse(self) -> None: ...
+
+    def abandon(self) -> None: ...
+
+
+def test_an_answer_goes_to_its_test_or_nowhere(monkeypatch: pytest.MonkeyPatch):
+    """The channel is not closed while another thread writes, as the next file to be opened would get its number."""
+    child = Child(Alone())
+    ending, write = threading.Thread(target=child.ended, args=(End(0),)), os.write
+    was_closed: list[bool] = []
+
+    def ended_meanwhile(descriptor: int, data: memoryview) -> int:
+        ending.start()
+        ending.join(0.3)  # unless it waits for the write
+        was_closed.append(child.channel_closed)
+        return write(descriptor, data)
+
+    monkeypatch.setattr(os, "write", ended_meanwhile)
+    child.send(messages.Answer("q", "yes", "web"))
+    monkeypatch.undo()
+    ending.join()
+    assert was_closed == [False]
+    child.send(messages.Answer("q", "yes", "web"))
+    child._reactor.close()
+
+
+def test_a_wait_without_an_end_is_made_of_short_ones():
+    """A signal that comes just before one is looked at after it."""
+    reactor = Reactor()
+    waiting = threading.Thread(target=reactor.run_once, args=(clock.Deadline(),), daemon=True)
+    waiting.start()
+    waiting.join(2.0)
+    assert not waiting.is_alive()
+    reactor.close()

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
-from typing import TYPE_CHECKING
+import subprocess
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -85,3 +86,55 @@ def test_what_is_missing_is_said_when_its_time_is_up(program: FixtureProgram):
         program.await_ready(lambda seconds: left.append(seconds) or "a sign of life", 0.1)
     assert left == sorted(left, reverse=True)
     program.await_ready(lambda _: "", 0.1)
+
+
+class Interrupted(BaseException):
+    """Raised by the handler of a signal."""
+
+
+def test_a_signal_during_the_start_comes_after_it(owner: Owner, monkeypatch: pytest.MonkeyPatch):
+    """A program that was started then is attended, and can be stopped."""
+
+    def interrupt(*_: object) -> None:
+        raise Interrupted
+
+    class InterruptedStart(subprocess.Popen[bytes]):
+        def __init__(self, *args: Any, **kwargs: Any) -> None:
+            super().__init__(*args, **kwargs)
+            signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr(subprocess, "Popen", InterruptedStart)
+    program, before = FixtureProgram(owner, ["sleep", "1000"]), signal.signal(signal.SIGTERM, interrupt)
+    try:
+        with pytest.raises(Interrupted):
+            program.start()
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert program.stop(signal.SIGTERM, PATIENCE)
+    assert str(program.end) == "killed by SIGTERM"
+
+
+def test_a_program_gets_all_signals(owner: Owner):
+    """None is blocked in it, also if it was while it was started."""
+    heard: list[str] = []
+    program = FixtureProgram(owner, ["grep", "SigBlk", "/proc/self/status"], heard=heard.append)
+    program.start()
+    assert program.wait(PATIENCE)
+    program.stop(signal.SIGTERM, PATIENCE)
+    assert heard == [f"SigBlk:\t{0:016x}"]
+
+
+def test_an_error_of_what_listens_is_a_collapse(owner: Owner):
+    """The end of the program is noticed all the same."""
+
+    def stumble(text: str) -> None:
+        raise KeyError(text)
+
+    program = FixtureProgram(owner, ["sh", "-c", "echo hello; exit 3"], heard=stumble)
+    program.start()
+    assert program.wait(2.0)
+    program.stop(signal.SIGTERM, PATIENCE)
+    assert owner.causes == [
+        "what listens to sh raised KeyError: 'hello'",
+        "sh ended: exit status 3; its last line: hello",
+    ]
