@@ -351,12 +351,13 @@ class OpticalEncodersConsistency(JointsTest):
 
     def _judge_speed(self, joint: int, what: str, time: FloatArray, positions: FloatArray, speeds: FloatArray) -> None:
         name, limit = self.robot_part.names[joint], self.velocity_tolerance / 100.0
-        told = _means(speeds[1:-1])
+        reported = _means(speeds[1:-1])
         self.assert_true(
-            np.ptp(told) > 0.0,
-            f"{name}: the measured speed of the {what} is {told[0]:.3g} deg/s all the time; {likely_causes('frozen')}",
+            np.ptp(reported) > 0.0,
+            f"{name}: the measured speed of the {what} is {reported[0]:.3g} deg/s all the time; "
+            f"{likely_causes('frozen')}",
         )
-        agreement = slopes_between(told, _means(_derived(time, positions))).nearest(1.0)
+        agreement = slopes_between(reported, _means(_derived(time, positions))).nearest(1.0)
         hint = (
             f"{name}: by its positions the {what} is {agreement:.2f} times as fast as its measured speed; "
             f"{likely_causes('ratio', 'frozen')}"

@@ -73,11 +73,11 @@ class Element:
         """Where an attribute's name stands; the element's place when that is unknown."""
         if self._places is None:
             self._places = {}
-            place, told = self.location, self.offset
+            place, counted = self.location, self.offset
             position = self.offset + 1 + len(self.tag.encode())
             while match := _ATTRIBUTE.match(self.source, position):
-                place = self._places[match[1]] = _advance(place, self.source[told : match.start(1)].decode())
-                told, position = match.start(1), match.end()
+                place = self._places[match[1]] = _advance(place, self.source[counted : match.start(1)].decode())
+                counted, position = match.start(1), match.end()
         return self._places.get(name.encode(), self.location)
 
 

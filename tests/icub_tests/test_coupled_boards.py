@@ -73,9 +73,9 @@ def test_a_joint_that_loses_its_controller_with_another_is_told_what_held_it(rec
     """It is commanded the effort that held it from the moment when the other one enters the mode, and moves little."""
     method, mode = EFFORTS[test]
     entered = next(one for one in recording.told(test, "set_control_modes", ROLL) if one.value(ROLL) is mode)
-    told = recording.told(test, method, PITCH)
-    assert told[0].time == entered.time
-    held = told[0].value(PITCH)
+    commands = recording.commands(test, method, PITCH)
+    assert commands[0].time == entered.time
+    held = commands[0].value(PITCH)
     assert abs(held) > 1.0
     home, *_ = (one.positions[PITCH] for one in recording.during(test))
     assert all(abs(one.positions[PITCH] - home) < ASTRAY for one in recording.during(test))
@@ -83,6 +83,6 @@ def test_a_joint_that_loses_its_controller_with_another_is_told_what_held_it(rec
 
 def test_a_torque_is_commanded_where_no_range_is_told(recording):
     """A small one, in every mode that ignores it."""
-    told = recording.values("modes", "set_reference_torques", 0)
-    assert told
-    assert {abs(one) for one in told} == {0.5}
+    commands = recording.values("modes", "set_reference_torques", 0)
+    assert commands
+    assert {abs(one) for one in commands} == {0.5}

@@ -143,7 +143,7 @@ def test_the_stopped_joint_fails_and_not_the_tested_one(
     """The tested joint is not judged; it is held where it is, and the next one is tested."""
     every = np.full(3, 10.0)
     test = made(name, speeds=every, beyond=every, near=every, bottom=-every, top=every, _spans={}, **more)
-    test._told, test._heading = {0: []}, {}
+    test._commanded, test._heading = {0: []}, {}
     routine = test._routine(0)
     next(routine)
     bench.time.sleep(0.1)

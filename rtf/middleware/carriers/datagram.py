@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from rtf.middleware.carriers.base import Carrier, InputLink, OutputLink
 from rtf.middleware.carriers.stream import Stream, StreamClosedError
-from rtf.middleware.carriers.stream_carrier import introduction, tell_end
+from rtf.middleware.carriers.stream_carrier import announce_end, introduction
 from rtf.middleware.errors import ConnectError, MiddlewareError, ProtocolError, WaitTimeoutError
 from rtf.middleware.wire import framing
 from rtf.middleware.wire.datagrams import MAX_DATAGRAM, Assembler, split
@@ -168,7 +168,7 @@ class DatagramOutput(OutputLink):
         self.endpoint.close()
         if politely:
             with contextlib.suppress(OSError, MiddlewareError):  # the other port is gone
-                tell_end(self._network, self._target, self._sender)
+                announce_end(self._network, self._target, self._sender)
 
 
 class Datagrams(Carrier):

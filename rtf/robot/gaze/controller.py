@@ -173,7 +173,7 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
         with self.lock:
             moving = self._motion.abort()
         if moving:
-            self.tell([ControllerEvent("motion-done", clock.current().now())])
+            self.notify([ControllerEvent("motion-done", clock.current().now())])
 
     def stop(self) -> None:
         """See ITaskControl: when it returns, the boards have the command, and later commands of others count."""
@@ -191,7 +191,7 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
             self._velocities.velocity_move([0.0] * NECK, self._eyes)
         finally:
             if moving:
-                self.tell([ControllerEvent("motion-done", clock.current().now())])
+                self.notify([ControllerEvent("motion-done", clock.current().now())])
 
     def motion_done(self) -> bool:
         with self.lock:
@@ -209,13 +209,13 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
         with self.lock:
             was, self._suspended = self._suspended, True
         if not was:
-            self.tell([ControllerEvent(event, clock.current().now())])
+            self.notify([ControllerEvent(event, clock.current().now())])
 
     def resume(self) -> None:
         with self.lock:
             was, self._suspended = self._suspended, False
         if was:
-            self.tell([ControllerEvent("resumed", clock.current().now())])
+            self.notify([ControllerEvent("resumed", clock.current().now())])
 
     def status(self) -> str:
         return "suspended" if self._suspended else "running"
@@ -252,7 +252,7 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
             self._suspend("comm-timeout")
             self._give_up(error)
             raise
-        self.tell(events)
+        self.notify(events)
 
     def _measured(self) -> FloatArray:
         """Return the positions of all joints. Raises NoAnswerError for what is no number."""
@@ -383,7 +383,7 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
                 self._motion.stop()
         if before.stabilization != after.stabilization:
             name = "stabilization-on" if after.stabilization else "stabilization-off"
-            self.tell([ControllerEvent(name, clock.current().now())])
+            self.notify([ControllerEvent(name, clock.current().now())])
 
     def tracking(self) -> bool:
         return self._motion.settings.tracking

@@ -20,11 +20,11 @@ _AXES = 3
 class TipMotion(NamedTuple):
     """A motion, sampled: times (samples,) in s, positions (samples, 3) of the tip, joints (samples, joints).
 
-    ``told`` are the positions by the controller, ``seen`` those by the encoders of the joints.
+    ``reported`` are the positions by the controller, ``seen`` those by the encoders of the joints.
     """
 
     time: FloatArray
-    told: FloatArray
+    reported: FloatArray
     seen: FloatArray
     joints: FloatArray
 
@@ -49,7 +49,7 @@ class TipMotion(NamedTuple):
         """
         velocities = self._velocities
         power = float((velocities * velocities).sum())
-        return float(((self.seen - self.told) * velocities).sum()) / power if power > 0.0 else float("nan")
+        return float(((self.seen - self.reported) * velocities).sum()) / power if power > 0.0 else float("nan")
 
     @property
     def peak_ratio(self) -> float:
