@@ -104,7 +104,7 @@ class JointLimits(JointsTest):
         if self.outputs_known:
             self.gains = {joint: self._weaken(joint, percents[joint]) for joint in self.chosen}
         else:
-            self.warn(f"{self.robot_part.name} does not tell its outputs: whether joints push at limits is not judged")
+            self.warn(f"{self.robot_part.name} reports no outputs: whether joints push at limits is not judged")
         self.bring_home(speed=float(np.nanmin(self.speeds)))
         self.robot_part.board.set_reference_speeds(self.speeds[self.chosen], self.chosen)
 

@@ -408,7 +408,7 @@ def _derived(time: FloatArray, positions: FloatArray, aside: int = 1) -> FloatAr
 def _means(values: FloatArray) -> FloatArray:
     """Return the means of groups of states, one after the other; what is left over at the end does not count.
 
-    Boards tell speeds in steps of a count in their window, which can be as large as the speed itself.
+    Boards report speeds in steps of a count in their window, which can be as large as the speed itself.
     """
     group = max(1, min(_TOGETHER, len(values) // _GROUPS))
     rows = len(values) // group

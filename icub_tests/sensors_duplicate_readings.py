@@ -31,7 +31,7 @@ _AT_REST = tuple(
 
 #: Risk of more equal values by chance than are allowed for, and the normal deviation with this risk.
 _RARE, _BEYOND = 1e-6, 4.75
-#: Rounds of an iteration for the share of rows that are equal, and the feedback in it beyond which it tells nothing.
+#: Rounds of an iteration for the share of rows that are equal, and the feedback in it beyond which it means nothing.
 _ROUNDS, _UNSURE = 100, 0.9
 #: Terms of a sum whose rest is below rounding.
 _MANY = 40.0

@@ -1,6 +1,6 @@
 """From the bytes of an XML file to a tree of elements that know their line and column: suites and robots are read so.
 
-The parser is expat, because it tells the place of every start tag and never opens anything by itself. What the files
+The parser is expat, because it reports the place of every start tag and never opens anything by itself. What the files
 of the past contain and a strict parser rejects (``--`` in comments) is fixed before, character for character, so that
 places stay true. Refused are entities, encodings nobody can name, and files or nestings beyond reason.
 """

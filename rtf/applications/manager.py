@@ -341,7 +341,7 @@ class Manager:
     def watch_modules(self) -> None:
         """Look at modules alone."""
         self.look(LOOK)
-        for unit in self.units:  # also those of which a slow node has told since the last look
+        for unit in self.units:  # also those that a slow node has reported since the last look
             if unit.unnoticed and unit.state is State.STOPPED:
                 unit.unnoticed = False
                 if not unit.halted and self._note_end(unit):

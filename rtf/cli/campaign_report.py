@@ -64,8 +64,8 @@ def compare(words: Sequence[str]) -> ExitCode:
     parser = make_parser(
         "campaign compare",
         "Say which detection limits, rates and distributions differ between two campaigns, such as before and after a"
-        " new firmware. Hundreds of comparisons find differences by chance; they are told so that at most 5 % of them"
-        " are expected to be chance (Benjamini and Hochberg).",
+        " new firmware. Hundreds of comparisons find differences by chance; they are reported so that at most 5 % of"
+        " them are expected to be chance (Benjamini and Hochberg).",
         """
         rtf campaign compare before.sqlite after.sqlite
         rtf campaign compare before.sqlite after.sqlite --json changes.json

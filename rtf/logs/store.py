@@ -1,7 +1,7 @@
 """The file of a log: an SQLite file with a greatest size, written by one collector and read by any number of readers.
 
 The file keeps its size: when it is full, the oldest records make room (``docs/decisions/0045``). Readers and the writer
-do not wait for each other (write-ahead log). ``application_id`` tells our files from those of other programs.
+do not wait for each other (write-ahead log). ``application_id`` distinguishes our files from those of other programs.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ class _LogFile:
 
     @contextmanager
     def _translate_errors(self) -> Iterator[None]:
-        """Say of what goes wrong with the file which one it is, and what to do."""
+        """Turn errors of SQLite into LogFileError, with the file and what to do."""
         try:
             yield
         except sqlite3.Error as error:

@@ -157,7 +157,7 @@ class GazeTest(TaskTest[IGazeControl]):
         self.measure("duration", found.done, "s", high=most, hint=hint)
         pairs = zip(found.reported, found.joints, strict=True)
         apart = np.array([self._apart(reported, positions) for reported, positions in pairs])
-        hint = f"{self.remote} tells another fixation point than the encoders and tables of the robot"
+        hint = f"{self.remote} reports another fixation point than the encoders and tables of the robot"
         hint = f"{hint}; {likely_causes('gaze')}"
         self.measure("controller from encoders", float(apart[-1]), "deg", high=self.frame, hint=hint)
         self.measure("greatest difference on the way", float(apart.max()), "deg")

@@ -121,7 +121,7 @@ class Broadcast:
         try:
             self._journal.append(event)
         except JournalError as error:
-            # The run goes on for the reporters' sake; the exit code and the console tell.
+            # The run goes on for the reporters' sake; the exit code and the console show the problem.
             self._journal.close_quietly()
             self._journal = None
             self._no_room.add(error.errno)

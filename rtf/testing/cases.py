@@ -130,7 +130,7 @@ class CaseTests:
             self.give_up(
                 outcome if outcome in _SHARED else Verdict.ERROR,
                 "missing",
-                "the program told nothing of this case" + (f" this time: {detail}" if detail else ""),
+                "the program did not report this case" + (f" this time: {detail}" if detail else ""),
             )
 
     def give_up(self, verdict: Verdict, reason: str, detail: str) -> None:

@@ -101,7 +101,7 @@ def test_a_wrong_frame_of_the_hand_is_found(outcome: Outcome, measured):
     assert outcome.verdict("frame") is Verdict.FAILED
     assert measured(outcome, "frame", "controller from encoders")[0].value == pytest.approx(20.0, abs=0.1)
     assert measured(outcome, "frame", "left by the controller")[0].value < 0.01
-    assert f"{LEFT} tells another pose than the encoders" in said(outcome, "frame")
+    assert f"{LEFT} reports another pose than the encoders" in said(outcome, "frame")
 
 
 def test_late_poses_are_measured(outcome: Outcome, measured):

@@ -280,7 +280,7 @@ class CartesianController(ChainSettings, TaskController[Settings], ICartesianCon
         self._asked = target
 
     def _end(self, now: float, *, keep: bool = False) -> list[ControllerEvent]:
-        """End a motion; the joints hold what they were told last."""
+        """End a motion; the joints hold their last setpoints."""
         self._velocity = self._asked = None
         if not keep:
             self._target = None

@@ -64,8 +64,8 @@ _EVENTS = (
 class GazeController(TaskController[GazeSettings], IGazeControl):
     """A controller of a board whose axes are those of torso (or none), neck and eyes, in the order of the chains.
 
-    ``gyroscope`` returns the rotation (deg/s) in the frame of the sensor, whose orientation in that of the root is
-    told by ``sensor_pose`` of the positions (deg) of torso and neck. ``tilt`` are limits of the eyes (deg) within those
+    ``gyroscope`` returns the rotation (deg/s) in the frame of the sensor, whose orientation in that of the root
+    ``sensor_pose`` returns for positions (deg) of torso and neck. ``tilt`` are limits of the eyes (deg) within those
     of the board; for ``eyes_lag`` (s) see GazeMotion. ``publish`` is called every ``period`` (s), with the robot's
     time; all other methods in any thread. Errors of the board are passed on.
 
@@ -104,7 +104,7 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
         self._motion.settings = settings or GazeSettings()
         super().__init__(self._motion.settings)
         self._suspended = self._halting = self._has_modes = False
-        self._unfelt = 0.0  # s, since the gyroscope told something
+        self._unfelt = 0.0  # s, since the gyroscope measured a rotation
         self._periods = 0
         self._stops = 0  # how often it was stopped: a motion that is being prepared does not begin after a stop
 
@@ -166,7 +166,7 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
             raise RefusedError(
                 f"{self._named(others, found)}: another program has taken the head, the motion was ended"
             )
-        self._has_modes = not others  # a board may tell its modes late
+        self._has_modes = not others  # a board may report its modes late
 
     def _let_go(self) -> None:
         """End a motion without a command: the joints may be moved by another program."""

@@ -106,7 +106,7 @@ def _judge_rest(test: TestCase, found: Reach, solved: FloatArray, tolerance: flo
 
 def _judge_frame(test: TestCase, name: str, found: Reach, most: tuple[float, float]) -> None:
     distance, angle = _sizes(pose_error(found.seen[-1], pose_of(found.reported[-1])))
-    text = f"{name} tells another pose than the encoders and the tables of the robot"
+    text = f"{name} reports another pose than the encoders and the tables of the robot"
     hint = f"{text}; {likely_causes('hand frame')}"
     test.measure("controller from encoders", distance, "mm", high=most[0], hint=hint)
     test.measure("controller from encoders, orientation", angle, "deg", high=most[1], hint=hint)

@@ -1,4 +1,4 @@
-"""The motion of a tip, such as a hand: how late a controller tells it, its speed, its path, and limits on its way.
+"""The motion of a tip, such as a hand: how late a controller reports it, its speed, its path, and limits on its way.
 
 Positions are in metres, in the frame of the root; joints in degrees.
 """
@@ -43,7 +43,7 @@ class TipMotion(NamedTuple):
 
     @property
     def lag(self) -> float:
-        """How much later (s) the controller tells a position than the encoders do; NaN without a motion.
+        """How much later (s) the controller reports a position than the encoders do; NaN without a motion.
 
         It is the delay that explains most of the difference of both, by the velocity: least squares.
         """
