@@ -298,7 +298,7 @@ def test_machine_with_another_key_is_refused(server: SshServer):
         server.write_config()
 
 
-def test_user_without_a_key_is_told_of_the_agent(server: SshServer):
+def test_error_without_a_key_names_the_agent(server: SshServer):
     """A key that the machine does not accept, and a machine that does not answer."""
     keep = (server.files / "id_ed25519").read_bytes()
     asyncssh.generate_private_key("ssh-ed25519").write_private_key(server.files / "id_ed25519")
@@ -357,7 +357,7 @@ def test_scripts_refuse_what_is_no_start():
             start_script(request, "TOKEN")
 
 
-def test_missing_package_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+def test_missing_package_is_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     """The error has the line that installs it."""
     monkeypatch.delitem(sys.modules, "rtf.applications.ssh.deployer")
     monkeypatch.delitem(sys.modules, "rtf.applications.ssh.connection")

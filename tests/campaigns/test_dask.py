@@ -87,7 +87,7 @@ class _Answer(Future):
         (_Answer(error=ConnectionResetError()), None),
     ],
 )
-def test_what_a_worker_sends_is_a_result_or_told(answer: Future, status: Status | None):
+def test_what_a_worker_sends_is_a_result_or_reported(answer: Future, status: Status | None):
     """What is no result counts as a death of the worker, what it raises is told; a lost scheduler is another thing."""
     import distributed
 

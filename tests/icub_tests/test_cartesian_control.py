@@ -89,7 +89,7 @@ def test_the_torso_keeps_to_its_limits_on_the_way_back(outcome: Outcome, measure
     assert all(abs(one.value) < 1.0 for one in held)
 
 
-def test_a_target_out_of_reach_is_told(outcome: Outcome, measured):
+def test_a_target_out_of_reach_is_reported(outcome: Outcome, measured):
     """The controller ends at the nearest pose, and calls it done; the distance from the target fails."""
     assert outcome.verdict("far") is Verdict.FAILED
     assert measured(outcome, "far", "solution from target")[0].value > 300.0

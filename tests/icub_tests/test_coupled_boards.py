@@ -69,10 +69,10 @@ def test_a_healthy_part_passes(recording, test):
 
 
 @pytest.mark.parametrize("test", EFFORTS)
-def test_a_joint_that_loses_its_controller_with_another_is_told_what_held_it(recording, test):
+def test_a_joint_that_loses_its_controller_with_another_is_commanded_what_held_it(recording, test):
     """It is commanded the effort that held it from the moment when the other one enters the mode, and moves little."""
     method, mode = EFFORTS[test]
-    entered = next(one for one in recording.told(test, "set_control_modes", ROLL) if one.value(ROLL) is mode)
+    entered = next(one for one in recording.commands(test, "set_control_modes", ROLL) if one.value(ROLL) is mode)
     commands = recording.commands(test, method, PITCH)
     assert commands[0].time == entered.time
     held = commands[0].value(PITCH)
@@ -81,7 +81,7 @@ def test_a_joint_that_loses_its_controller_with_another_is_told_what_held_it(rec
     assert all(abs(one.positions[PITCH] - home) < ASTRAY for one in recording.during(test))
 
 
-def test_a_torque_is_commanded_where_no_range_is_told(recording):
+def test_a_torque_is_commanded_where_no_range_is_reported(recording):
     """A small one, in every mode that ignores it."""
     commands = recording.values("modes", "set_reference_torques", 0)
     assert commands

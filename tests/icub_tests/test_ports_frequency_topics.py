@@ -73,7 +73,7 @@ def test_each_topic_is_judged(outcome, name: str):
     assert complaint in outcome.detail(name) or found is Verdict.INCONCLUSIVE
 
 
-def test_a_wrong_line_is_told(outcome):
+def test_a_wrong_line_is_reported(outcome):
     """With its section."""
     assert outcome.verdict("wrong") is Verdict.ERROR
     assert '[TOPICS] "/good" 50: a line has a port' in outcome.detail("wrong")

@@ -221,7 +221,7 @@ def test_gravity_is_measured_in_postures_from_both_sides(recording, joint, other
 
 @pytest.mark.parametrize("form", ["single", "all", "group"])
 @pytest.mark.parametrize(("joint", "middle"), [(0, 2), (2, 5)])
-def test_position_direct_tells_a_sine(recording, form, joint, middle):
+def test_position_direct_commands_a_sine(recording, form, joint, middle):
     """Twelve probes about the middle; then 3 deg at 1 Hz sample by sample, with swings that grow and fade."""
     commands = [one for one in recording.commands("direct", "set_positions", joint) if one.form == form]
     assert {one.joints for one in commands} == {{"single": (joint,), "all": (0, 1, 2), "group": (0, 2)}[form]}
@@ -314,7 +314,7 @@ def test_a_step_of_torque_is_a_step(recording):
 
 
 @pytest.mark.parametrize("joint", [0, 1])
-def test_torques_are_told_about_the_one_that_holds(recording, joint):
+def test_torques_are_commanded_about_the_one_that_holds(recording, joint):
     """0.2 Nm above, at and below it: a joint alone, a group, and the whole part.
 
     The joint that shares motors with one of them is told what it bears, beside them and with the whole part.

@@ -201,10 +201,10 @@ def test_a_logger_that_stands_still_makes_no_one_wait(network: Network, logger: 
         going.set()
         handler.close()
         eventually(lambda: heard[-1].message == "Execution terminated", "the last record is missing")
-    told = [one for one in heard if one.component == "rtf.logs" and one.level is Level.WARNING]
-    lost = sum(int(one.message.split()[0]) for one in told)
+    warnings = [one for one in heard if one.component == "rtf.logs" and one.level is Level.WARNING]
+    lost = sum(int(one.message.split()[0]) for one in warnings)
     assert lost == handler.dropped
-    assert len(heard) - len(told) - 1 == sent - lost
+    assert len(heard) - len(warnings) - 1 == sent - lost
 
 
 def test_a_fork_has_a_port_of_its_own(network: Network, file: Path, logger: logging.Logger):

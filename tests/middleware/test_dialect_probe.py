@@ -151,7 +151,7 @@ class TestWriters:
         assert four.messages == [encode(NUMBERS, Dialect.YARP4)]
 
 
-class TestReadersThatDoNotTell:
+class TestReadersOfUnknownDialect:
     """Readers whose dialect cannot be found out."""
 
     def test_numbers_are_refused(self, network: Network, said: list[str]) -> None:

@@ -118,8 +118,8 @@ def test_a_socket_that_was_closed_behind_its_back_makes_room_for_another(watcher
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
 def test_an_error_is_reported_and_the_others_go_on(watcher: SocketWatcher, monkeypatch: pytest.MonkeyPatch):
     """An error of a callback reaches threading.excepthook, and other sockets are read."""
-    told: list[type[BaseException]] = []
-    monkeypatch.setattr(threading, "excepthook", lambda args: told.append(args.exc_type))
+    reported: list[type[BaseException]] = []
+    monkeypatch.setattr(threading, "excepthook", lambda args: reported.append(args.exc_type))
     broken, sound = socket.socketpair(), Ear(watcher)
 
     def fail() -> None:
@@ -128,7 +128,7 @@ def test_an_error_is_reported_and_the_others_go_on(watcher: SocketWatcher, monke
 
     watcher.add(broken[0], fail)
     broken[1].send(b"hello")
-    eventually(lambda: told == [ZeroDivisionError], "the error is not told")
+    eventually(lambda: reported == [ZeroDivisionError], "the error is not told")
     assert sound.hears()
     watcher.remove(broken[0])
     for end in broken:

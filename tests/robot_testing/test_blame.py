@@ -206,7 +206,7 @@ def test_a_stop_for_which_a_test_is_not_prepared_is_judged_by_the_evidence(
     assert "joint1 turns too fast" in failures(said)["move"]
 
 
-def test_a_stop_counts_as_it_is_if_its_part_tells_no_more(
+def test_a_stop_counts_as_it_is_if_its_part_reports_no_more(
     bench: PartBench, said: list[Event], made: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ):
     """Such as a board that was lost."""
@@ -302,8 +302,8 @@ def test_a_wrong_amplitude_has_causes(made: Callable[..., Any]):
 
 def test_the_recorded_command_is_the_last_one():
     """Before the first command it is the first one, so that the plot has a line."""
-    told = [(1.0, 10.0), (2.0, -10.0)]
-    assert command_at(np.array([0.5, 1.0, 1.9, 2.0, 9.0]), told).tolist() == [10.0, 10.0, 10.0, -10.0, -10.0]
+    commands = [(1.0, 10.0), (2.0, -10.0)]
+    assert command_at(np.array([0.5, 1.0, 1.9, 2.0, 9.0]), commands).tolist() == [10.0, 10.0, 10.0, -10.0, -10.0]
 
 
 def test_a_joint_that_shares_motors_with_a_culprit_is_not_judged(

@@ -251,7 +251,7 @@ def test_calls_that_are_none_are_refused(node: Callable[..., Node], call: tuple[
     assert call_node(talker._contents.uri, "getPublications", "/m") == [["/chatter", "std_msgs/String"]]
 
 
-def test_what_is_no_master_is_told():
+def test_what_is_no_master_is_reported():
     """A node, for instance."""
     with (
         closing(xml_rpc.Server("127.0.0.1", lambda _, __: [1, "", "seven"])) as other,

@@ -189,7 +189,7 @@ def test_a_topic_has_one_type(node: Callable[..., Node]):
         one.subscribe("chatter", IMAGE, lambda _: None)
 
 
-def test_without_a_master_it_is_told(monkeypatch: pytest.MonkeyPatch):
+def test_a_missing_master_is_reported(monkeypatch: pytest.MonkeyPatch):
     """With its address, as everywhere else it could be wrong."""
     monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:9")
     with pytest.raises(MasterError, match=r"http://127\.0\.0\.1:9 does not answer getPid"):

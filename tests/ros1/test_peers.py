@@ -99,7 +99,7 @@ def test_topics_go_to_rospy_and_back(ros: Ros, node: Callable[..., Node]):
         assert "rosout" in [one.name for one in found.loggers]
 
 
-def test_a_program_with_other_types_is_told(ros: Ros, node: Callable[..., Node], said: list[str]):
+def test_a_program_with_other_types_is_reported(ros: Ros, node: Callable[..., Node], said: list[str]):
     """On both sides; who has the right one gets the messages."""
     here, got = node("here"), list[str]()
     ours = here.publisher("ours", STRING)
@@ -109,9 +109,9 @@ def test_a_program_with_other_types_is_told(ros: Ros, node: Callable[..., Node],
         eventually(lambda: len({one.partition(":")[0] for one in said}) == 2, f"it was not told: {said}")
         ours.publish(STRING("right"))
         eventually(lambda: got == ["right"], "nothing came")
-    told = "\n".join(said)
-    assert "/wrong wants /ours with md5sum 'da5909fbe378aeaf85e547e830cc1bb7'; /here has" in told
-    assert "it refuses: " in told
+    reported = "\n".join(said)
+    assert "/wrong wants /ours with md5sum 'da5909fbe378aeaf85e547e830cc1bb7'; /here has" in reported
+    assert "it refuses: " in reported
 
 
 def test_rostopic_shows_ours(ros: Ros, node: Callable[..., Node]):

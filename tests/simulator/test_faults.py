@@ -135,13 +135,13 @@ class Bench:
 
     def pictures(self, count: int = 2) -> list[np.ndarray]:
         """Pictures of something that moves, as the camera tells them."""
-        told = []
+        shown = []
         for number in range(count):
             pixels = np.full((24, 32, 3), 10 + number, np.uint8)
             for fault in self.cameras["left"].faults:
                 pixels = fault(pixels, self.simulation.now)
-            told.append(pixels)
-        return told
+            shown.append(pixels)
+        return shown
 
     def publish(self, count: int = 200, period: float = 0.01) -> list[tuple[float, object]]:
         """Write numbers, one each period; returns what came out, and when."""
@@ -729,7 +729,7 @@ def goes_beyond(bench: Bench) -> None:
     assert float(bench.boards.targets[ELBOW]) == limit + 5.0
 
 
-def tells_another_gearbox(bench: Bench) -> None:
+def reports_another_gearbox(bench: Bench) -> None:
     """It tells 1.5 times what is built in; the motor turns as ever."""
     assert bench.arm.gearbox_ratio(3) == pytest.approx(1.5 * bench.boards.gearbox[ELBOW])
     shown, true = motor(bench)
@@ -750,7 +750,7 @@ def lower_limit_is_wrong(bench: Bench) -> None:
     assert bench.arm.limits(3) == (low - 10.0, high)
 
 
-def tells_another_coupling(bench: Bench) -> None:
+def reports_another_coupling(bench: Bench) -> None:
     """The row of the joint is half of what it should be; the mechanics are as ever."""
     wrong = bench.boards.configured_couplings[ELBOW]
     assert np.array_equal(wrong, 0.5 * bench.boards.joint_to_motor[ELBOW])
@@ -869,9 +869,9 @@ def imu_is_turned(bench: Bench) -> None:
     right = inertial(healthy, SensorCategory.ACCELEROMETER)
     wrong = inertial(bench, SensorCategory.ACCELEROMETER)
     assert wrong == pytest.approx([right[1], -right[0], right[2]], abs=0.05)
-    told = healthy.imus["inertial"].read_sensor(SensorCategory.ORIENTATION, 0).values
+    reported = healthy.imus["inertial"].read_sensor(SensorCategory.ORIENTATION, 0).values
     turned = bench.imus["inertial"].read_sensor(SensorCategory.ORIENTATION, 0).values
-    assert np.abs(turned - told).max() > 45.0
+    assert np.abs(turned - reported).max() > 45.0
 
 
 def imu_freezes(bench: Bench) -> None:
@@ -1154,10 +1154,10 @@ SHOWS: dict[str, Callable[[Bench], None]] = {
     "mode_flickers": shows_idle_for_moments,
     "limits_ignored": goes_beyond,
     "wrong_speed": is_twice_as_fast,
-    "wrong_gear_ratio": tells_another_gearbox,
+    "wrong_gear_ratio": reports_another_gearbox,
     "wrong_upper_limit": upper_limit_is_wrong,
     "wrong_lower_limit": lower_limit_is_wrong,
-    "wrong_coupling": tells_another_coupling,
+    "wrong_coupling": reports_another_coupling,
     "wrong_gains": is_slack,
     "ft_bias": force_is_biased,
     "ft_frozen": force_freezes,
@@ -1481,9 +1481,9 @@ def test_the_catalogue_leaves_nothing_out():
     for kind in KINDS.values():
         assert f"  {kind.kind}  (" in text
         assert f"| `{kind.kind}` |" in table
-        told = catalogue.facts(kind)
-        assert told["layer"] == kind.layer.value
-        for parameter, facts in zip(kind.parameters, told["parameters"], strict=True):
+        described = catalogue.facts(kind)
+        assert described["layer"] == kind.layer.value
+        for parameter, facts in zip(kind.parameters, described["parameters"], strict=True):
             assert f"{parameter.name}={parameter.default:g}" in text
             assert (facts["name"], facts["default"]) == (parameter.name, parameter.default)
             assert parameter.minimum <= parameter.default <= parameter.maximum

@@ -196,7 +196,7 @@ _COMMANDS = st.one_of(
 )
 
 
-def tell(setpoints: SetpointBlocks, axes: list[int], command: tuple[str, float, float], now: int) -> None:
+def command_axes(setpoints: SetpointBlocks, axes: list[int], command: tuple[str, float, float], now: int) -> None:
     """Give one command to the trajectories."""
     what, first, second = command
     chosen = np.array(axes)
@@ -240,7 +240,7 @@ def test_rows_are_what_an_evaluation_gives(history: list, scale: float):
             assert setpoints.velocities[row] == pytest.approx(speeds * 0.5, rel=1e-12, abs=1e-9)
             tick += 1
         if tick - setpoints.begin <= BLOCK:
-            tell(setpoints, axes, command, tick)
+            command_axes(setpoints, axes, command, tick)
 
 
 @settings(max_examples=40, deadline=None)
@@ -255,4 +255,4 @@ def test_no_history_leads_beyond_the_limits(history: list):
             assert np.isfinite(speeds).all()
             assert np.isfinite(accelerations).all()
         tick += wait
-        tell(setpoints, [0, 1, 2], command, tick)
+        command_axes(setpoints, [0, 1, 2], command, tick)

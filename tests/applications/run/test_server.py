@@ -74,7 +74,7 @@ def start(node: Node, tag: str, command: str, **more: object) -> int:
 class TestPrograms:
     """How programs are started and end."""
 
-    def test_end_is_told_with_the_last_lines(self, node: Node):
+    def test_end_is_reported_with_the_last_lines(self, node: Node):
         """Also those of the error output."""
         start(node, "t", 'sh -c "echo one; echo two >&2; exit 3"')
         assert node.said_of("t").partition("ended: ")[2] == "exit status 3\n  one\n  two"

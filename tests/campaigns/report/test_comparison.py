@@ -116,7 +116,7 @@ def test_false_alarms_and_wrong_joints_are_compared():
     assert not changes["detection"].significant
 
 
-def test_what_one_of_them_has_is_told():
+def test_what_one_of_them_has_is_reported():
     """Nothing is compared where there is nothing in common: other tests, other severities."""
     found = compared([outcome(test="A"), faulty(1.0, found=True)], [outcome(test="B"), faulty(2.0, found=True)])
     assert found.only_before == ("A on a healthy icub",)

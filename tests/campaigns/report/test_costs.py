@@ -57,7 +57,7 @@ def test_a_budget_limits_the_choice():
     assert [(need.fault, need.severity) for need in choice.missed] == [("drift", 1.0), ("jam", 1.0), ("jam", 2.0)]
 
 
-def test_what_no_test_finds_is_told():
+def test_what_no_test_finds_is_reported():
     """It is no need of the choice."""
     choice = choose(campaign(FINDS, SECONDS, {"jam", "drift", "ghost"}))
     assert choice.needs == 6

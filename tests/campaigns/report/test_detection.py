@@ -106,7 +106,7 @@ def test_so_many_runs_without_a_miss_bound_the_limit():
         ),
     ],
 )
-def test_the_reason_is_told_where_there_is_no_curve(outcomes: list[Outcome], reason: str, limit: float | None):
+def test_the_reason_is_reported_where_there_is_no_curve(outcomes: list[Outcome], reason: str, limit: float | None):
     """What was tried does not decide where the curve is; the levels stand for themselves."""
     found = curve(outcomes)
     assert (found.method, found.limit.severity) == ("levels", limit)

@@ -73,7 +73,7 @@ def check(chain: Chain, solution: Solution) -> None:
 
 @settings(max_examples=25)
 @given(st.data())
-def test_a_solution_tells_the_truth(arm: Chain, arm_inverse: InverseKinematics, data):
+def test_a_solution_is_what_it_says(arm: Chain, arm_inverse: InverseKinematics, data):
     """For the pose of any posture, whether it is met or not: steps from its own posture meet it."""
     posture = data.draw(postures(arm))
     pose = arm.pose(posture)

@@ -31,7 +31,7 @@ def motion(delay: float = 0.0, *, bow: float = 0.0, way: float = 0.3) -> TipMoti
 
 
 @given(st.floats(0.0, 0.1))
-def test_the_delay_is_that_of_what_is_told(delay: float):
+def test_the_delay_is_that_of_the_reported_positions(delay: float):
     """Of any small delay, to a tenth."""
     assert motion(delay).lag == pytest.approx(delay, rel=0.1, abs=1e-6)
 

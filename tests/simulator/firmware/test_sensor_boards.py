@@ -120,7 +120,7 @@ def test_the_rate_is_that_of_the_host(bench: SensorBench, period: int, count: in
     assert len(bench.sent(s.FORCE)) == pytest.approx(count, abs=1)
 
 
-def test_saturated_gauges_are_told(bench: SensorBench):
+def test_saturated_gauges_are_reported(bench: SensorBench):
     """A byte more: the gauges at their upper (2) and lower end (1); the numbers end at the range, and do not wrap."""
     bench.strain(np.eye(6))
     bench.values = np.array([2000.0, 0.0, -2000.0, 0.0, 100.0, 0.0])
