@@ -96,7 +96,7 @@ class BridgeContract:
         assert forces == (3.0, 6.0, 13.25)
 
     def test_inertial_units_are_passed_on(self, node: Callable[..., Any], network: Network):
-        """Orientation as a quaternion, rad/s; what is none is told once."""
+        """Orientation as a quaternion, rad/s; what is none is reported once."""
         got: list[Any] = []
         said: list[str] = []
         network.report = said.append

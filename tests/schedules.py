@@ -397,7 +397,7 @@ class ControlledThread:
             target(*args)
         except _Abandoned:
             return
-        except BaseException as raised:  # noqa: BLE001 - whatever it is, it is told
+        except BaseException as raised:  # noqa: BLE001 - whatever it is, it is reported
             error = raised
         self.finished = True
         self._control.ended(error)

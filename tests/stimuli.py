@@ -53,7 +53,7 @@ _PUSH, _RELEASE = "push", "release"
 
 
 class Command(NamedTuple):
-    """What a board was told. ``form``: how the joints were named, as a "single" one, as a "group", or as "all".
+    """A command to a board. ``form``: how the joints were named, as a "single" one, as a "group", or as "all".
 
     ``values`` has one for each of the joints, or all that were given for the only one. ``time`` is the robot's, s;
     ``positions`` are where all joints of the part were then, deg; ``moment`` is that of the machine, s.
@@ -94,7 +94,7 @@ class Recording:
         return [one.value(joint) for one in self.commands(test, method, joint)]
 
     def in_force(self, test: str, method: str, joint: int) -> list[Any]:
-        """What a joint had last been told by commands of one kind, at each of its position moves; None: nothing yet."""
+        """The last value that commands of one kind gave a joint, at each of its position moves; None: nothing yet."""
         last, found = None, []
         for one in self.during(test):
             if one.method == method and joint in one.joints:

@@ -39,7 +39,7 @@ def test_controllers_are_those_of_this_project():
 
 
 def test_program_that_is_not_there():
-    """The reason is told; an application goes without a window, and not without a device."""
+    """The reason is reported; an application goes without a window, and not without a device."""
     table = read_table()
     window = substitute(Module(Text("yarpview"), Text("--name /v")), table)
     device = substitute(Module(Text("test_grabber"), deployer=Text("yarpdev")), table)

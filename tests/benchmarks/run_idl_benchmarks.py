@@ -143,7 +143,7 @@ def main() -> None:
         if options.fuzz:
             files, messages = fuzz(module, path.read_text(), options.fuzz)
             print(
-                f"{options.fuzz} damaged files and messages: {files} and {messages} could be read, all others were told"
+                f"{options.fuzz} damaged files and messages: {files} and {messages} could be read, others are errors"
             )
 
 

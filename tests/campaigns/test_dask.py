@@ -88,7 +88,7 @@ class _Answer(Future):
     ],
 )
 def test_what_a_worker_sends_is_a_result_or_reported(answer: Future, status: Status | None):
-    """What is no result counts as a death of the worker, what it raises is told; a lost scheduler is another thing."""
+    """What is no result counts as a death of the worker, what it raises is reported; a lost scheduler is not that."""
     import distributed
 
     backend = DaskBackend.__new__(DaskBackend)

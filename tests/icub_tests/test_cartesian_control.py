@@ -105,7 +105,7 @@ def test_a_wrong_frame_of_the_hand_is_found(outcome: Outcome, measured):
 
 
 def test_late_poses_are_measured(outcome: Outcome, measured):
-    """By what they are behind the encoders; each reach tells it."""
+    """By what they are behind the encoders; each reach reports it."""
     assert outcome.verdict("late") is Verdict.FAILED
     delays = [one.value for one in measured(outcome, "late", "delay of the poses")]
     assert delays == pytest.approx([0.08, 0.08], abs=0.012)

@@ -30,7 +30,7 @@ SUITE = "".join([
     entry("impedance", "TorqueControlStiffDampCheck", joints="(0)"),
     entry("modes", "ControlModes", joints="(0)", faults="false"),
 ])  # fmt: skip
-#: By what joints are told in each of the tests that leave one without its controller, and in which mode.
+#: By what joints are commanded in each of the tests that leave one without its controller, and in which mode.
 EFFORTS = {
     "stiction": ("set_reference_duty_cycles", ControlMode.PWM),
     "signs": ("set_reference_duty_cycles", ControlMode.PWM),
@@ -54,7 +54,7 @@ def recording(record_on_robot):
             change(self, [mode] * len(group), group)
 
     def refuse(self, joint):
-        raise RefusedError(f"{self.part} joint {joint}: it is not told")
+        raise RefusedError(f"{self.part} joint {joint}: it is not reported")
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(part, "set_control_modes", change_together)

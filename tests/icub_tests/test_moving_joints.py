@@ -28,7 +28,7 @@ SUITE = "".join(
             max="0.5 0.5 0.5", refvel="20.0 20.0 20.0", timeout="10.0 10.0 10.0",
         ),
         entry("motor-jams", "MotorTest", "jam torso_yaw"),
-        entry("motor-is-not-told", "MotorTest", "missed_command torso_roll every=1"),
+        entry("motor-without-command", "MotorTest", "missed_command torso_roll every=1"),
         entry("other-axes", "MotorTest", joints=4),
         entry("one-target-too-few", "MotorTest", target="3.0 3.0"),
         entry("references", "MovementReferencesTest"),
@@ -78,7 +78,7 @@ def test_a_healthy_robot_passes(outcome, test):
     ("test", "joint"),
     [
         ("motor-jams", "torso_yaw"),
-        ("motor-is-not-told", "torso_roll"),
+        ("motor-without-command", "torso_roll"),
         ("references-lost", "torso_pitch"),
         ("references-no-mode", "torso_yaw"),
         ("open-loop-lost", "torso_roll"),

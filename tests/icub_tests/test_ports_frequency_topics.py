@@ -66,7 +66,7 @@ def outcome(run_on_robot) -> Iterator[Outcome]:
 
 @pytest.mark.parametrize("name", CHOSEN)
 def test_each_topic_is_judged(outcome, name: str):
-    """The right one passes; others do not, and what is wrong with them is told. Losses need a machine with time."""
+    """The right one passes; others do not, and what is wrong with them is reported. Losses need a machine with time."""
     verdict, complaint = CHOSEN[name]
     found = outcome.verdict(name)
     assert found in ((verdict, Verdict.INCONCLUSIVE) if name == "skips" else (verdict,)), outcome.detail(name)

@@ -58,7 +58,7 @@ LIMITS = ((-50, 50), (-30, 30), (-20, 70))
 STRONGEST, PEAK = 50.0, 10.0
 #: The share of its time in which a move, which ends gently, comes within a degree of its end.
 NEARLY = 0.6
-#: Where a test finds a joint that it has not been told a home for, is where the one before has left it.
+#: Where a test finds a joint without a home in its parameters, is where the one before has left it.
 STILL = 0.1
 
 
@@ -317,7 +317,7 @@ def test_a_step_of_torque_is_a_step(recording):
 def test_torques_are_commanded_about_the_one_that_holds(recording, joint):
     """0.2 Nm above, at and below it: a joint alone, a group, and the whole part.
 
-    The joint that shares motors with one of them is told what it bears, beside them and with the whole part.
+    The joint that shares motors with one of them is commanded what it bears, beside them and with the whole part.
     """
     commands = recording.commands("torques", "set_reference_torques", joint)
     assert [one.form for one in commands] == ["single"] * 4 + ["group"] * 4 + ["all"] * 4
@@ -383,7 +383,7 @@ def test_duty_cycles_grow_until_the_joint_moves(recording, test, start, step, th
         duties = [one.value(0) for one in ramp]
         *_, held, nothing = duties
         assert nothing == 0
-        began = len(duties) - 2 - duties[-3::-1].index(held)  # behind the last time that the holding one was told
+        began = len(duties) - 2 - duties[-3::-1].index(held)  # behind the last time that the holding one was commanded
         grown = ramp[began:-2]
         assert close(
             [sign * (one.value(0) - held) for one in grown], (start or step) + np.arange(len(grown)) * step, 1e-6

@@ -1,4 +1,4 @@
-"""Interface files: what they say is read with its places, and what is wrong is told with file, line and column."""
+"""Interface files: what they say is read with its places, and what is wrong is reported with file, line and column."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ def forwarded(logger: logging.Logger, network: Network, **options: object) -> It
 
 
 def test_records_arrive_with_their_levels_and_a_last_one(network: Network, file: Path, logger: logging.Logger):
-    """Each level of logging is one of YARP's, the logger's name is the component, and the end is told."""
+    """Each level of logging is one of YARP's, the logger's name is the component, and the end is reported."""
     with LogStore(file) as store, Collector(store, network=network), forwarded(logger, network):
         for level in (5, 10, 20, 30, 40, 50):
             logger.log(level, "level %d", level)

@@ -26,7 +26,7 @@ class Interrupted(BaseException):
 
 @pytest.fixture
 def break_off() -> Iterator[Callable[[], None]]:
-    """Return a function that makes the main thread raise Told in its call, and returns when it has."""
+    """Return a function that makes the main thread raise Interrupted in its call, and returns when it has."""
     raised = threading.Event()
 
     def interrupt(*_: object) -> None:

@@ -179,7 +179,7 @@ class TestCost:
     """The cost of asking for the dialect."""
 
     def test_own_ports_are_asked_once(self, network: Network) -> None:
-        """A port of this library tells its dialect in its first reply, and stores no property."""
+        """A port of this library announces its dialect in its first reply, and stores no property."""
         with Port("/reader", lambda message: message.read(), network=network) as reader:
             with Port("/writer", network=network) as writer:
                 before = reader.properties.to_bottle()

@@ -128,7 +128,7 @@ def test_an_error_is_reported_and_the_others_go_on(watcher: SocketWatcher, monke
 
     watcher.add(broken[0], fail)
     broken[1].send(b"hello")
-    eventually(lambda: reported == [ZeroDivisionError], "the error is not told")
+    eventually(lambda: reported == [ZeroDivisionError], "the error is not reported")
     assert sound.hears()
     watcher.remove(broken[0])
     for end in broken:

@@ -182,11 +182,11 @@ def test_a_stop_ends_the_sub_result(
 ):
     """Whether the test handles the error or not."""
     test, error = made(), GuardError("joint1 turns too fast; it was stopped", 1, excuse)
-    with test.subresult("told"):
+    with test.subresult("reported"):
         test.blame(bench.part, error, "runs away", during="group")
-    with test.subresult("untold"):
+    with test.subresult("unreported"):
         raise error
-    assert verdicts(said) == {"told": verdict, "untold": verdict}
+    assert verdicts(said) == {"reported": verdict, "unreported": verdict}
     text = [one.reason for one in said if isinstance(one, SubResultEnded)] if excuse else [*failures(said).values()]
     assert text[0].startswith("group: joint1 turns too fast; it was stopped; ")
     assert ("likely: gains far too large" in text[0]) is not bool(excuse)

@@ -83,7 +83,7 @@ def test_speeds_in_coarse_steps_are_judged_by_their_means(factor: float, fails: 
 
 
 def test_a_speed_that_stands_still_is_a_failure():
-    """A board that always tells the same speed of a joint that moves does not update it."""
+    """A board that always reports the same speed of a joint that moves does not update it."""
     test, time = (
         kept_test("OpticalEncodersConsistency", robot_part=SimpleNamespace(names=["eye"])),
         0.01 * np.arange(400),

@@ -102,7 +102,7 @@ def test_a_wrong_value_is_reported_with_its_line(
 
 
 def test_an_unknown_test_is_reported_with_its_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Its thresholds would be used nowhere; the nearest name is told. A test beside the suite is known."""
+    """Its thresholds would be used nowhere; the nearest name is suggested. A test beside the suite is known."""
     monkeypatch.chdir(tmp_path)
     file = robot_with(tmp_path, PROFILE.replace("steadyHand", "steadyHead"))
     line = file.read_text(encoding="utf-8").splitlines().index("[thresholds.steadyHead]") + 1

@@ -81,7 +81,7 @@ def test_a_message_that_is_none_is_refused(node: Callable[..., Node]):
 
 
 def test_services_answer(node: Callable[..., Node], said: list[str]):
-    """One connection for many calls; what a service raises is told to both."""
+    """One connection for many calls; what a service raises is reported to both."""
     server, caller = node("server", "/lab"), node("caller")
 
     def switch(request: Any) -> Any:
@@ -166,7 +166,7 @@ def test_a_second_node_of_a_name_ends_the_first(node: Callable[..., Node], said:
     first = node("same")
     first.publisher("one", STRING)
     node("same").publisher("two", STRING)
-    eventually(lambda: any("/same ends, as its master says" in one for one in said), f"it was not told: {said}")
+    eventually(lambda: any("/same ends, as its master says" in one for one in said), f"it was not reported: {said}")
     eventually(lambda: first._contents.closed, "it is still open")
 
 

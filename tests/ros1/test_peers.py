@@ -106,7 +106,7 @@ def test_a_program_with_other_types_is_reported(ros: Ros, node: Callable[..., No
     here.subscribe("theirs", STRING, lambda _: None)
     here.subscribe("ours", STRING, lambda message: got.append(message.data))
     with ros.running("/usr/bin/python3", "-c", WRONG):
-        eventually(lambda: len({one.partition(":")[0] for one in said}) == 2, f"it was not told: {said}")
+        eventually(lambda: len({one.partition(":")[0] for one in said}) == 2, f"it was not reported: {said}")
         ours.publish(STRING("right"))
         eventually(lambda: got == ["right"], "nothing came")
     reported = "\n".join(said)
@@ -135,7 +135,7 @@ def test_rostopic_shows_ours(ros: Ros, node: Callable[..., Node]):
 
 
 def test_rostopic_publishes_to_ours(ros: Ros, node: Callable[..., Node], said: list[str]):
-    """``pub``, which ends: nothing is told of that."""
+    """``pub``, which ends: that is not reported."""
     got: list[str] = []
     node("here", "/lab").subscribe("chatter", STRING, lambda message: got.append(message.data))
     ros.run("rostopic", "pub", "-1", "/lab/chatter", "std_msgs/String", "data: from rostopic")

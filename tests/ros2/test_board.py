@@ -262,7 +262,7 @@ def position(board: Any) -> float:
 
 
 def test_a_robot_that_is_killed_is_missed_and_comes_back(node: Callable[..., Node], network: Network, domain: int):
-    """Without states measurements are stale, and it is told once; those of the next program count."""
+    """Without states measurements are stale, and it is reported once; those of the next program count."""
     said: list[str] = []
     network.report = said.append
     Talker(node("description")).describe("knee")

@@ -1,4 +1,4 @@
-"""Sensors over ROS 2: forces, inertial units, pictures, in the units of boards; what is missing is told."""
+"""Sensors over ROS 2: forces, inertial units, pictures, in the units of boards; what is missing is reported."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def test_a_picture_that_is_none_is_reported(
                 return complaint in str(error)
             return False
 
-        eventually(reported, "nothing was told")
+        eventually(reported, "nothing was reported")
 
 
 def test_a_topic_that_is_none_is_reported(network: Network, domain: int):

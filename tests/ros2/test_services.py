@@ -156,7 +156,7 @@ def test_a_message_that_cannot_be_read_is_reported(node: Callable[..., Node], do
         writer.write(String("next"))
         return bool(said and got)
 
-    eventually(reported, "nothing was told")
+    eventually(reported, "nothing was reported")
     assert said[0].startswith("rt/chatter: String of 12 bytes cannot be read: 'utf-8' codec")
     assert set(got) == {"next"}
 

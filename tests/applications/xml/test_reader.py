@@ -148,7 +148,7 @@ def test_template_is_an_application(tmp_path: Path):
     ],
 )
 def test_problems_have_a_place(tmp_path: Path, content: str, message: str):
-    """Each is told with file, line and column, and reading goes on."""
+    """Each is reported with file, line and column, and reading goes on."""
     long = f"<var name='robot'/><var name='long'>{'x' * 10000}</var>"
     loaded = load(tmp_path, f"<application>{long}\n{content}</application>", broken="<application>")
     (found,) = map(str, loaded.diagnostics)

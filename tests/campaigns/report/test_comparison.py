@@ -72,7 +72,7 @@ def test_chance_differences_are_as_rare_as_promised():
 
 
 def test_a_detection_limit_that_moved_is_found():
-    """The new firmware hides small faults: the shares at equal severities differ, and both limits are told."""
+    """The new firmware hides small faults: the shares at equal severities differ, and both limits are reported."""
     random = np.random.default_rng(2)
     changes = compared(
         Truth(middle=0.6).campaign(random, SEVERITIES, 30), Truth(middle=1.2).campaign(random, SEVERITIES, 30)

@@ -149,7 +149,7 @@ def test_the_right_joint_is_named(named: str | None, right: int):
 
 
 def test_joints_are_told_apart():
-    """A curve is of all joints; which of them hide the fault is told beside it."""
+    """A curve is of all joints; which of them hide the fault is reported beside it."""
     found = curve([faulty(1.0, found=joint == "l_elbow", joint=joint) for joint in ("l_elbow", "r_knee", "l_elbow")])
     assert [(one.joint, one.found.count, one.found.trials) for one in found.joints] == [
         ("l_elbow", 2, 2),

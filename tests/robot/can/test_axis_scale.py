@@ -53,7 +53,7 @@ def test_controllers_of_a_board_come_back_exactly(scale: AxisScale, raw: RawPid)
 
 @given(SCALES, st.floats(allow_nan=False))
 def test_what_does_not_fit_is_limited_and_reported(scale: AxisScale, value: float):
-    """Every value becomes an integer within its range; one outside becomes the nearest end, and is told."""
+    """Every value becomes an integer within its range; one outside becomes the nearest end, and is reported."""
     reported: list[int] = []
     reporting = AxisScale(ticks=scale.ticks, saturated=lambda _what, _value, limit: reported.append(limit))
     for limits in (SHORT, LONG):

@@ -76,7 +76,7 @@ def target_near(shares: tuple[float, ...]) -> np.ndarray:
 @settings(max_examples=12)
 @given(st.tuples(*[st.floats(-1.0, 1.0)] * 7).map(target_near))
 def test_a_pose_within_reach_is_reached(target):
-    """Within 2 mm and 1 deg at a tolerance of 1 mm; the motion is told at both ends; the torso does not move."""
+    """Within 2 mm and 1 deg at a tolerance of 1 mm; the motion is reported at both ends; the torso does not move."""
     rig = Rig()
     rig.controller.set_tolerance(0.001)
     rig.controller.go_to(target, 1.0)

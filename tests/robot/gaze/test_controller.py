@@ -269,7 +269,7 @@ def test_messages_of_a_gyroscope_may_be_late():
 
 
 def test_stabilization_turns_the_head_against_a_rotation():
-    """By the gyroscope; without one it is refused. It holds until it is switched off, and is told."""
+    """By the gyroscope; without one it is refused. It holds until it is switched off, and is reported."""
     with pytest.raises(RefusedError, match="without a gyroscope"):
         Rig().controller.set_stabilization(True)
     rig = Rig(sensed=True)
@@ -366,7 +366,7 @@ def test_joints_in_fault_are_not_moved():
 
 @pytest.mark.parametrize("lost", [NoAnswerError("the board does not answer"), np.full(9, np.nan)])
 def test_positions_that_are_lost_suspend_the_controller(lost, monkeypatch):
-    """It tells so, refuses targets, stops the eyes, and runs again when it is told to."""
+    """It reports so, refuses targets, stops the eyes, and runs again when it is told to."""
     rig = Rig()
     rig.look(POINT, 0.4)
 

@@ -23,7 +23,7 @@ def share(time: np.ndarray) -> np.ndarray:
 
 
 def motion(delay: float = 0.0, *, bow: float = 0.0, way: float = 0.3) -> TipMotion:
-    """A motion along x with a bow along z, told with a delay; its joint goes from 10 to 50 deg."""
+    """A motion along x with a bow along z, reported with a delay; its joint goes from 10 to 50 deg."""
     seen = np.column_stack([way * share(TIME), 0 * TIME, bow * np.sin(np.pi * share(TIME))])
     late = share(TIME - delay)
     reported = np.column_stack([way * late, 0 * TIME, bow * np.sin(np.pi * late)])

@@ -1,4 +1,4 @@
-"""A bus that a board floods: control goes on, or it stops safely and is told."""
+"""A bus that a board floods: control goes on, or it stops safely and the user is warned."""
 
 from __future__ import annotations
 

@@ -132,7 +132,7 @@ def test_saturated_gauges_are_reported(bench: SensorBench):
 
 
 def test_questions_to_a_strain_board(bench: SensorBench):
-    """Versions and full scales are told once; a channel that is none, and commands that are none, are dropped."""
+    """Versions and full scales are sent once; a channel that is none, and commands that are none, are dropped."""
     board = bench.strain()
     for channel in (0, 5, 6):
         bench.connection.send(s.FULL_SCALE.get.frame(ADDRESS, channel))

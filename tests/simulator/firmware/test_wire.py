@@ -111,7 +111,7 @@ def test_two_nodes_with_one_identifier_spoil_each_other_and_go_off_the_bus():
 
 
 def test_a_disturbed_frame_is_sent_again():
-    """An error costs time, is counted, and told to hosts; a good frame takes one off the count."""
+    """An error costs time, is counted, and reported to hosts; a good frame takes one off the count."""
     wire = Wire("arm")
     board, host = Listener(wire, 1), Listener(wire)
     disturbed: list[bool] = []
