@@ -435,5 +435,5 @@ class ConsoleReporter(Reporter):
 
 
 def _same_incident(event: FixtureIncident) -> FixtureIncident:
-    """The incident without what tells it from the same one of another generation."""
+    """The incident without what distinguishes it from the same one of another generation."""
     return replace(event, generation=0, time=0.0, seq=0)

@@ -39,7 +39,7 @@ _REST = 0.8
 class Look(NamedTuple):
     """A recorded motion: its point, when it was done (s from its start; infinite if it was not), and its samples.
 
-    ``told`` (samples, 3) are the fixation points by the controller, ``joints`` (samples, 9) positions of torso and
+    ``reported`` (samples, 3) are the fixation points by the controller, ``joints`` (samples, 9) positions of torso and
     head (deg), of which ``wanted`` (6,) has where the controller wants the head.
     """
 

@@ -1,6 +1,6 @@
 """``udp`` and ``mcast``: messages split into datagrams. They may be lost, without notice, but never mixed up.
 
-An end that closes tells the other one over a short text connection. The datagrams themselves are defined in
+An end that closes notifies the other one over a short text connection. The datagrams themselves are defined in
 :mod:`rtf.middleware.wire.datagrams`.
 """
 
@@ -164,7 +164,7 @@ class DatagramOutput(OutputLink):
         """Do nothing: a sender of datagrams never waits."""
 
     def close(self, *, politely: bool = True) -> None:
-        """End the connection; ``politely`` tells the other port over a separate connection."""
+        """End the connection; ``politely`` notifies the other port over a separate connection."""
         self.endpoint.close()
         if politely:
             with contextlib.suppress(OSError, MiddlewareError):  # the other port is gone

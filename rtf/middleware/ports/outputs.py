@@ -122,7 +122,7 @@ class Output(Connection):
             return reply
 
     def close(self, *, politely: bool = True) -> None:
-        """End the connection; ``politely`` tells the peer first, if no other thread is waiting in it."""
+        """End the connection; ``politely`` notifies the peer first, if no other thread is waiting in it."""
         try:
             if not politely or not self.lock.acquire(timeout=1.0):
                 self.link.close(politely=False)  # another thread is waiting in it: that wait ends now
