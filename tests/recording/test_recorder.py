@@ -174,8 +174,8 @@ def test_a_source_that_comes_while_the_recorder_looks_has_not_ended(
 ):
     """It is connected once, and its end is not reported."""
     monkeypatch.setattr("rtf.recording.recorder._WATCH", 0.01)
-    told: list[str] = []
-    network.report = told.append
+    reported: list[str] = []
+    network.report = reported.append
     looked, connected, looked_again = threading.Event(), threading.Event(), threading.Event()
 
     class Sources(dict[str, str]):
@@ -203,7 +203,7 @@ def test_a_source_that_comes_while_the_recorder_looks_has_not_ended(
         recorder.close()
     info = (tmp_path / "run/camera/info.log").read_text().splitlines()
     assert [line.split(" ", 1)[1] for line in info] == ["Bottle;", "tx+rx;", "/camera [connected]"]
-    assert told == []
+    assert reported == []
 
 
 def test_what_does_not_fit_into_memory_is_counted(tmp_path: Path, network: Network):
