@@ -133,7 +133,7 @@ class FtSensorPostures(StreamTest):
 
     def _measure_postures(self, part: Part, sensors: Sequence[_Sensor]) -> list[list[tuple[FloatArray, FloatArray]]]:
         """Return the measured and the expected load of each sensor: at home, and with each joint to either side."""
-        joints = sorted({joint for sensor in sensors for joint in self._telling(part, sensor)})
+        joints = sorted({joint for sensor in sensors for joint in self._informative_joints(part, sensor)})
         self.assert_error_if_false(joints, f"no joint of {part.name} changes the loads of its sensors enough")
         rows = [self._posture(part, sensors)]
         for joint in joints:
@@ -154,7 +154,7 @@ class FtSensorPostures(StreamTest):
         ends = (min(part.high[joint] - 1.0, home + self.amplitude), max(part.low[joint] + 1.0, home - self.amplitude))
         return [float(end) for end in ends if abs(end - home) >= self.amplitude / 3.0]
 
-    def _telling(self, part: Part, sensor: _Sensor) -> list[int]:
+    def _informative_joints(self, part: Part, sensor: _Sensor) -> list[int]:
         """Return the joints of a part that change the force on a sensor most, at most ``_MOST_JOINTS``."""
         before, changes = self._expected(sensor), dict[int, float]()
         for joint in part.held():
@@ -164,8 +164,8 @@ class FtSensorPostures(StreamTest):
                 self.weights.set(part.names, in_units(part.board, pose))
                 change = float(np.linalg.norm((self.weights.load(sensor.place) - before)[:3]))
                 changes[joint] = max(change, changes.get(joint, 0.0))
-        told = [joint for joint, change in changes.items() if change > self.known * self.force_error]
-        return sorted(told, key=lambda joint: -changes[joint])[:_MOST_JOINTS]
+        informative = [joint for joint, change in changes.items() if change > self.known * self.force_error]
+        return sorted(informative, key=lambda joint: -changes[joint])[:_MOST_JOINTS]
 
     def _posture(self, part: Part, sensors: Sequence[_Sensor]) -> list[tuple[FloatArray, FloatArray]]:
         """Return for each sensor its mean reading now, and its load by the model (N, Nm)."""

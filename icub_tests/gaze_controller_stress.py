@@ -59,7 +59,7 @@ class GazeControllerStress(GazeTest):
             try:
                 [mode] = part.board.control_modes([number])
             except RobotError as error:
-                self.assert_fail(f"the modes of {part.name} are not told: {error}")
+                self.assert_fail(f"the modes of {part.name} cannot be read: {error}")
             self.assert_fail_if_true(
                 mode.word in _BROKEN, f"{joint} is in {mode.word} while the robot looks; {likely_causes('stopped')}"
             )

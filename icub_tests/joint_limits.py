@@ -104,7 +104,7 @@ class JointLimits(JointsTest):
         if self.outputs_known:
             self.gains = {joint: self._weaken(joint, percents[joint]) for joint in self.chosen}
         else:
-            self.warn(f"{self.robot_part.name} does not tell its outputs: whether joints push at limits is not judged")
+            self.warn(f"{self.robot_part.name} reports no outputs: whether joints push at limits is not judged")
         self.bring_home(speed=float(np.nanmin(self.speeds)))
         self.robot_part.board.set_reference_speeds(self.speeds[self.chosen], self.chosen)
 
@@ -148,7 +148,7 @@ class JointLimits(JointsTest):
         part = self.robot_part
         self._spans: dict[int, tuple[float, float]] = {}
         self._heading: dict[int, _Side] = {}  # the limits to which joints are on their way
-        self._told: dict[int, list[tuple[float, float]]] = {joint: [] for joint in self.chosen}
+        self._commanded: dict[int, list[tuple[float, float]]] = {joint: [] for joint in self.chosen}
         with part.recorded() as trace:
             run_queues(part, part.queues(self.chosen), self._routine, pace=_PACE)
         self._keep(trace)
@@ -195,7 +195,7 @@ class JointLimits(JointsTest):
         here = board.encoder(joint)
         expected = abs(target - here) / speed
         self.robot_part.command_move([target], [joint])
-        self._told[joint].append((self.now(), target))
+        self._commanded[joint].append((self.now(), target))
         begin = since = self.now()
         while (now := self.now()) < begin + 2 * expected + _GRACE:
             position = board.encoder(joint)
@@ -285,7 +285,7 @@ class JointLimits(JointsTest):
                 f"{part.names[joint]}: position",
                 time=(time[rows] - begin, "s"),
                 position=part.column(joint, positions[rows, joint]),
-                target=part.column(joint, command_at(time[rows], self._told[joint])),
+                target=part.column(joint, command_at(time[rows], self._commanded[joint])),
                 lower_limit=part.column(joint, np.full(rows.sum(), low)),
                 upper_limit=part.column(joint, np.full(rows.sum(), high)),
                 current=(currents[rows, joint], "A"),

@@ -206,7 +206,7 @@ class MovementReferencesTest(JointsTest):
         commanded = positions[0] + np.multiply.outer(time, speeds)
         for place, joint in enumerate(joints):
             columns = {"position": part.column(joint, positions[:, place])}
-            columns["told"] = part.column(joint, commanded[:, place])
+            columns["commanded"] = part.column(joint, commanded[:, place])
             self.record(f"velocity of {part.names[joint]}", time=(time, "s"), **columns)
 
     def _run_at(self, speeds: FloatArray, joints: list[int]) -> list[float]:

@@ -351,17 +351,18 @@ class OpticalEncodersConsistency(JointsTest):
 
     def _judge_speed(self, joint: int, what: str, time: FloatArray, positions: FloatArray, speeds: FloatArray) -> None:
         name, limit = self.robot_part.names[joint], self.velocity_tolerance / 100.0
-        told = _means(speeds[1:-1])
+        reported = _means(speeds[1:-1])
         self.assert_true(
-            np.ptp(told) > 0.0,
-            f"{name}: the measured speed of the {what} is {told[0]:.3g} deg/s all the time; {likely_causes('frozen')}",
+            np.ptp(reported) > 0.0,
+            f"{name}: the measured speed of the {what} is {reported[0]:.3g} deg/s all the time; "
+            f"{likely_causes('frozen')}",
         )
-        agreement = slopes_between(told, _means(_derived(time, positions))).nearest(1.0)
+        agreement = slopes_between(reported, _means(_derived(time, positions))).nearest(1.0)
         hint = (
             f"{name}: by its positions the {what} is {agreement:.2f} times as fast as its measured speed; "
             f"{likely_causes('ratio', 'frozen')}"
         )
-        self.measure(f"speed of the {what}, derived by told", agreement, low=1 - limit, high=1 + limit, hint=hint)
+        self.measure(f"speed of the {what}, derived by reported", agreement, low=1 - limit, high=1 + limit, hint=hint)
 
     def _delay(self, joint: int, own: _Data) -> float:
         """Return the delay (s) of the motor encoder behind the joint encoder; negative if it is ahead.
@@ -407,7 +408,7 @@ def _derived(time: FloatArray, positions: FloatArray, aside: int = 1) -> FloatAr
 def _means(values: FloatArray) -> FloatArray:
     """Return the means of groups of states, one after the other; what is left over at the end does not count.
 
-    Boards tell speeds in steps of a count in their window, which can be as large as the speed itself.
+    Boards report speeds in steps of a count in their window, which can be as large as the speed itself.
     """
     group = max(1, min(_TOGETHER, len(values) // _GROUPS))
     rows = len(values) // group

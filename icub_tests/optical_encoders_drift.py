@@ -26,7 +26,7 @@ _SETTLING, _MEASURING = 0.5, 0.2
 #: The least share of a swing that the motor encoder has to show.
 _LEAST_TURN = 0.5
 #: The least expected turn of a motor to judge it, in deg of the joint: motors of several joints may hardly turn.
-_TELLING = 1.0
+_LEAST_EXPECTED = 1.0
 #: Factor of the derived width of every other joint, so that the motors of couplings do not stand still.
 _LESS = 0.6
 #: A jump is a step that is greater than this multiple of the median step.
@@ -137,7 +137,7 @@ class OpticalEncodersDrift(JointsTest):
             before = self._expected_and_found()
             self._go([ends.high if left % 2 else ends.low for ends in self.ends])
             expected, found = np.abs(self._expected_and_found() - before) / factors
-            enough = expected > _TELLING
+            enough = expected > _LEAST_EXPECTED
             shares = np.fmax(shares, np.where(enough, found / np.where(enough, expected, 1.0), np.nan))
         return shares
 

@@ -290,10 +290,10 @@ class PositionDirect(RobotTest):
         """Return which other joint was the first one that did not move in a sine, and so shook this one; "" if none."""
         time, positions = run.trace.local_time - run.begin, run.trace.positions[:, self.chosen]
         during = (time >= 0) & (time <= self.sine.duration)
-        told, time = self.sine.at(time[during]), time[during]
+        commanded, time = self.sine.at(time[during]), time[during]
         first, last = self.sine.plateau
         whole, left, beyond = (time >= first) & (time <= last), [], []
-        for joint, one, reference in zip(self.chosen, positions[during].T, told.T, strict=True):
+        for joint, one, reference in zip(self.chosen, positions[during].T, commanded.T, strict=True):
             left.append(np.abs(_unlike(one, reference, time)))
             beyond.append(left[-1] > _SHAKEN * self._most_shape(joint, time, reference, whole))
         begins = [int(one.argmax()) if one.any() else len(time) for one in beyond]
@@ -341,8 +341,8 @@ _GRID, _FEWEST_A_SWING = 0.002, 20
 _GAIN = 0.2
 
 
-def _unlike(positions: FloatArray, told: FloatArray, time: FloatArray) -> FloatArray:
+def _unlike(positions: FloatArray, commanded: FloatArray, time: FloatArray) -> FloatArray:
     """Return what a joint did beside following its commands, with any lag and gain (deg)."""
-    columns = np.column_stack([told, np.gradient(told, time), np.ones(len(told))])
+    columns = np.column_stack([commanded, np.gradient(commanded, time), np.ones(len(commanded))])
     left: FloatArray = positions - columns @ np.linalg.lstsq(columns, positions, rcond=None)[0]
     return left

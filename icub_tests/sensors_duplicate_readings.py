@@ -31,7 +31,7 @@ _AT_REST = tuple(
 
 #: Risk of more equal values by chance than are allowed for, and the normal deviation with this risk.
 _RARE, _BEYOND = 1e-6, 4.75
-#: Rounds of an iteration for the share of rows that are equal, and the feedback in it beyond which it tells nothing.
+#: Rounds of an iteration for the share of rows that are equal, and the feedback in it beyond which it means nothing.
 _ROUNDS, _UNSURE = 100, 0.9
 #: Terms of a sum whose rest is below rounding.
 _MANY = 40.0
@@ -171,8 +171,8 @@ def _by_chance(same: NDArray[np.bool_]) -> int:
     in those rows, and *P* that of the other rows, the product. Beyond the returned number there are more in one of a
     million recordings, by chance and by the error of the shares.
     """
-    told = same[~same.all(axis=1)]
-    differs = 1.0 - told.mean(axis=0) if len(told) else np.ones(same.shape[1])
+    changed = same[~same.all(axis=1)]
+    differs = 1.0 - changed.mean(axis=0) if len(changed) else np.ones(same.shape[1])
     if (differs == 1.0).any():
         return 0
     together = 0.0
@@ -182,7 +182,7 @@ def _by_chance(same: NDArray[np.bool_]) -> int:
     feedback = together * float((differs / shares).sum())
     if feedback > _UNSURE:
         return len(same)
-    errors = (1.0 - together) / shares * np.sqrt((1.0 - differs) * differs / len(told)) / (1.0 - feedback)
+    errors = (1.0 - together) / shares * np.sqrt((1.0 - differs) * differs / len(changed)) / (1.0 - feedback)
     mean = len(same) * together * math.exp(_BEYOND * float(np.linalg.norm(errors)))
     if mean >= len(same):
         return len(same)

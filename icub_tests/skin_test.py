@@ -118,7 +118,7 @@ class SkinTest(RateTest):
         constant = np.ptp(readings, axis=0) == 0.0
         if len(readings) < _FEWEST and not constant.all():
             self.inconclusive(
-                f"{len(readings)} messages of {name} are too few to tell dead taxels, {_FEWEST} are needed; longer time"
+                f"{len(readings)} messages of {name} are too few to find dead taxels, {_FEWEST} are needed; longer time"
             )
         hint = f"{_texts(constant)} of {name}: the reading does not change; {likely_causes('taxel')}"
         self.measure("dead taxels", int(constant.sum()), "count", high=self.max_dead, hint=hint)

@@ -175,8 +175,8 @@ def _ask_time(host: str, port: int, timeout: float = 2.0) -> tuple[float, float]
         came = clock.now()
     if len(answer) < _NTP_SIZE or answer[0] & 7 != _NTP_ANSWER or answer[24:32] != cookie or answer[1] == 0:
         raise ValueError(f"{len(answer)} bytes that are no answer of an NTP server with a time")
-    received, told = (_ntp_time(answer, at) for at in (32, 40))
-    return (came - sent) - (told - received), ((received - sent) + (told - came)) / 2
+    received, transmitted = (_ntp_time(answer, at) for at in (32, 40))
+    return (came - sent) - (transmitted - received), ((received - sent) + (transmitted - came)) / 2
 
 
 def _ntp_time(message: bytes, at: int) -> float:

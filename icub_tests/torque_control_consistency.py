@@ -134,23 +134,23 @@ class TorqueControlConsistency(RobotTest):
         """Command the torques in turn; return the answers, and how far each joint moved in the end (deg)."""
         torques = run_to_end(part, holding_torques(self, part, joints, _HOLDING), pace=PACE)
         chosen, others = [*joints], self._others(joints)
-        told = np.full(part.axes, np.nan)
-        told[chosen + others] = torques[chosen + others]
+        commanded = np.full(part.axes, np.nan)
+        commanded[chosen + others] = torques[chosen + others]
         before = part.median_positions()
         part.board.set_control_modes([ControlMode.TORQUE] * len(chosen), chosen)
         if others:  # joints in other modes ignore the command
             part.board.set_reference_torques(torques[others], others)
-        self._tell(part, form, chosen, torques[chosen], torques)
+        self._command(part, form, chosen, torques[chosen], torques)
         part.wait_until(lambda: bool(self._in_torque_mode(part, chosen).all()), _MODE_TIME, pace=0.01)
         found = []
         for change in (self.change, 0.0, -self.change):
-            told[chosen] = torques[chosen] + change
-            self._tell(part, form, chosen, told[chosen], torques)
-            part.wait_to_arrive(partial(self._has_arrived, part, chosen, told[chosen]), _ARRIVING, pace=0.01)
-            measured, ways = self._measure(part, chosen, told, before)
+            commanded[chosen] = torques[chosen] + change
+            self._command(part, form, chosen, commanded[chosen], torques)
+            part.wait_to_arrive(partial(self._has_arrived, part, chosen, commanded[chosen]), _ARRIVING, pace=0.01)
+            measured, ways = self._measure(part, chosen, commanded, before)
             reported = np.full(part.axes, np.nan)
             reported[chosen] = part.board.reference_torques(chosen)
-            found.append(_Answer(change, told.copy(), reported, measured, self._in_torque_mode(part)))
+            found.append(_Answer(change, commanded.copy(), reported, measured, self._in_torque_mode(part)))
             if ways[chosen + others].max() > _TRAVEL:
                 break
         return found, {joint: ways[joint] for joint in chosen + others}
@@ -160,14 +160,14 @@ class TorqueControlConsistency(RobotTest):
         return bool((np.abs(part.board.reference_torques(joints) - wanted) <= self.tolerance).all())
 
     def _measure(
-        self, part: Part, joints: Sequence[int], told: FloatArray, before: FloatArray
+        self, part: Part, joints: Sequence[int], commanded: FloatArray, before: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return the mean torques of all joints (Nm), and how far they moved (deg).
 
         Ends when the mean of the last states has settled at the setpoints of the ``joints``, or one with a new setpoint
         has moved too far.
         """
-        known = np.isfinite(told)
+        known = np.isfinite(commanded)
 
         def ways() -> FloatArray:
             return np.abs(part.median_positions() - before)
@@ -179,7 +179,7 @@ class TorqueControlConsistency(RobotTest):
 
         def settled() -> bool:
             full = len(trace) > 1 and trace.time[-1] - trace.time[0] >= _MEASURING
-            return full and bool((np.abs(torques() - told)[joints] <= self.answer).all())
+            return full and bool((np.abs(torques() - commanded)[joints] <= self.answer).all())
 
         with part.recorded() as trace:
             part.wait_until(lambda: settled() or bool(ways()[known].max() > _TRAVEL), _SETTLING, pace=0.01)
@@ -189,7 +189,7 @@ class TorqueControlConsistency(RobotTest):
         """Return the joints that are coupled with some joints."""
         return sorted({other for joint in joints for other in self.transmission.coupled(joint)} - {*joints})
 
-    def _tell(self, part: Part, form: str, joints: Sequence[int], torques: FloatArray, every: FloatArray) -> None:
+    def _command(self, part: Part, form: str, joints: Sequence[int], torques: FloatArray, every: FloatArray) -> None:
         """Send torques in one form; ``every`` are those of all joints. Joints in other modes ignore the command."""
         if form == "single":
             part.board.set_reference_torques(float(torques[0]), joints[0])
@@ -229,31 +229,41 @@ class TorqueControlConsistency(RobotTest):
         in_mode = bool(answer.in_mode[joint])
         if not self.check_fail_if_false(in_mode, f"{name} is not in torque mode at {what}; {likely_causes('mode')}"):
             return
-        told, reported, measured = (float(each[joint]) for each in (answer.told, answer.reported, answer.measured))
-        given = f"{name} was commanded {self.as_text(told, 'Nm', '.3f')} and"
+        commanded, reported, measured = (
+            float(each[joint]) for each in (answer.commanded, answer.reported, answer.measured)
+        )
+        given = f"{name} was commanded {self.as_text(commanded, 'Nm', '.3f')} and"
         hint = f"{given} reports {self.as_text(reported, 'Nm', '.3f')}; {likely_causes('lost commands')}"
         self.measure(
-            f"reference that is read back, {what}", reported - told, "Nm", -self.tolerance, self.tolerance, hint=hint
+            f"reference that is read back, {what}",
+            reported - commanded,
+            "Nm",
+            -self.tolerance,
+            self.tolerance,
+            hint=hint,
         )
         seen = f"{given} measures {self.as_text(measured, 'Nm', '.3f')}"
         known = ""
-        if abs(measured - told) > self.answer:
+        if abs(measured - commanded) > self.answer:
             motors = motors_by_torques(part, self.transmission, joint)
             if cause := self._cause(part, joint, motors):
                 self.inconclusive(f"{seen}; but {cause}")
             known = weak_motor(joint, motors)
         hint = f"{seen}; {known or likely_causes('torque answer')}"
-        self.measure(f"measured minus commanded, {what}", measured - told, "Nm", -self.answer, self.answer, hint=hint)
+        self.measure(
+            f"measured minus commanded, {what}", measured - commanded, "Nm", -self.answer, self.answer, hint=hint
+        )
 
 
 class _Answer(NamedTuple):
     """What a board did at torques that differ by ``change`` (Nm) from the holding ones; arrays over all joints.
 
-    ``told``, ``reported`` and ``measured`` are torques (Nm), NaN where none was told; ``in_mode``: torque mode.
+    ``commanded``, ``reported`` and ``measured`` are torques (Nm), the first two NaN for joints without a command.
+    ``in_mode``: torque mode.
     """
 
     change: float
-    told: FloatArray
+    commanded: FloatArray
     reported: FloatArray
     measured: FloatArray
     in_mode: NDArray[np.bool_]

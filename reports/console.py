@@ -238,14 +238,14 @@ class ConsoleReporter(Reporter):
         name = f"fixture {shown(event.fixture)} #{event.generation}"
         if event.state is FixtureState.FAILED:
             last = self._incidents_said.get((event.suite, event.fixture))
-            told = last is not None and event.detail.startswith(last.cause)
-            why = event.detail.removeprefix(last.cause) if last is not None and told else f": {event.detail}"
+            repeated = last is not None and event.detail.startswith(last.cause)
+            why = event.detail.removeprefix(last.cause) if last is not None and repeated else f": {event.detail}"
             self._print(self._styled(f"{name} is given up{shown(why)}", _BAD))
         elif self.options.verbosity > 0 or (self.options.verbosity == 0 and event.generation > 1):
             words = {FixtureState.STARTING: "is being restarted" if event.generation > 1 else "is being set up"}
             words[FixtureState.READY] = "is back" if event.generation > 1 else "is ready"
-            told = event.state in words if self.options.verbosity == 0 else event.state is not FixtureState.COLLAPSED
-            if told:
+            printed = event.state in words if self.options.verbosity == 0 else event.state is not FixtureState.COLLAPSED
+            if printed:
                 self._print(self._styled(f"{name} {words.get(event.state, f'is {event.state}')}", _DIM))
 
     def _suite_started(self, event: SuiteStarted, results: RunResult) -> None:
@@ -423,8 +423,8 @@ class ConsoleReporter(Reporter):
         self._print(self._styled("\nReports", _BOLD))
         for path in [*paths, str(self.options.run_folder)]:
             reason = self.options.unwritten.get(Path(path), "")
-            told = f"  {place(path)}  is not complete: {one_line(reason)}" if reason else f"  {place(path)}"
-            self._print(self._styled(told, _BAD if reason else ""))
+            line = f"  {place(path)}  is not complete: {one_line(reason)}" if reason else f"  {place(path)}"
+            self._print(self._styled(line, _BAD if reason else ""))
 
     def _verdict(self, results: RunResult) -> None:
         verdict = results.ended.verdict if results.ended else results.verdict()
@@ -435,5 +435,5 @@ class ConsoleReporter(Reporter):
 
 
 def _same_incident(event: FixtureIncident) -> FixtureIncident:
-    """The incident without what tells it from the same one of another generation."""
+    """The incident without what distinguishes it from the same one of another generation."""
     return replace(event, generation=0, time=0.0, seq=0)

@@ -150,7 +150,7 @@ class CtrfReporter(FileReporter):
         if earlier:
             record |= {"retries": len(earlier), "flaky": verdict is Verdict.FLAKY}
             record["retryAttempts"] = [self._earlier(number, attempt) for number, attempt in enumerate(earlier, 1)]
-        return record | self._told(last) | self._beyond(result, last)
+        return record | self._details(last) | self._beyond(result, last)
 
     def _times(self, attempt: AttemptEvents) -> dict[str, int]:
         started, ended = attempt.started, attempt.ended
@@ -167,29 +167,29 @@ class CtrfReporter(FileReporter):
         record = {"attempt": number, "status": _status(outcome), **self._times(attempt)}
         if ended is not None and (ended.detail or ended.reason):
             record["message"] = ended.detail or ended.reason
-        told = self._told(attempt)
+        details = self._details(attempt)
         allowed = ("trace", "stdout", "stderr", "attachments")
-        return record | {name: told[name] for name in allowed if name in told}
+        return record | {name: details[name] for name in allowed if name in details}
 
-    def _told(self, attempt: AttemptEvents) -> dict[str, Any]:
+    def _details(self, attempt: AttemptEvents) -> dict[str, Any]:
         """What the events of an attempt say that CTRF has a word for."""
-        told: dict[str, Any] = {}
+        details: dict[str, Any] = {}
         trace = [text for text in map(_trace, attempt.events) if text]
         for event in attempt.events:
             if isinstance(event, OutputCaptured):
                 stream = "stderr" if event.stream == "stderr" else "stdout"
-                told.setdefault(stream, []).extend(event.text.splitlines())
+                details.setdefault(stream, []).extend(event.text.splitlines())
             elif isinstance(event, Attached):
-                told.setdefault("attachments", []).append(self._file(event.name, event.path, event.media_type))
+                details.setdefault("attachments", []).append(self._file(event.name, event.path, event.media_type))
             elif isinstance(event, SeriesRecorded):
-                told.setdefault("attachments", []).append(self._file(event.name, event.path, "application/x-npz"))
+                details.setdefault("attachments", []).append(self._file(event.name, event.path, "application/x-npz"))
             elif isinstance(event, SubResultEnded):
-                told.setdefault("steps", []).append({"name": event.subject, "status": _status(event.verdict)})
+                details.setdefault("steps", []).append({"name": event.subject, "status": _status(event.verdict)})
             elif isinstance(event, ParametersResolved):
-                told["parameters"] = {row.get("name", ""): row.get("value", "") for row in event.parameters}
+                details["parameters"] = {row.get("name", ""): row.get("value", "") for row in event.parameters}
         if trace:
-            told["trace"] = "\n".join(trace)
-        return told
+            details["trace"] = "\n".join(trace)
+        return details
 
     def _beyond(self, result: TestResult, attempt: AttemptEvents) -> dict[str, Any]:
         extra: dict[str, Any] = {"id": result.id, "plugin": result.planned.plugin, "param": result.planned.param}

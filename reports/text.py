@@ -187,7 +187,7 @@ def _lines(event: Event, results: RunResult) -> Iterator[_Line]:
         case TestStarted():
             yield _Line(shown(f"Test case {test} started..."), "start")
         case TestEnded():
-            yield from _test_ended(event, test, told=known is not None and known.problem_count > 0)
+            yield from _test_ended(event, test, reported=known is not None and known.problem_count > 0)
         case FixtureIncident() | FixtureChanged() | Diagnosed() | Interrupted() | InternalError():
             yield from _beside_tests(event, suite)
         case _:
@@ -203,12 +203,12 @@ def _passed_or_failed(what: str, verdict: Verdict) -> _Line:
     return _Line(shown(f"{what} {word}!"), word)
 
 
-def _test_ended(event: TestEnded, test: str, *, told: bool) -> Iterator[_Line]:
-    """The end of a test, and its verdict where neither that nor what was ``told`` before says it."""
+def _test_ended(event: TestEnded, test: str, *, reported: bool) -> Iterator[_Line]:
+    """The end of a test, and its verdict where neither that nor what was ``reported`` before says it."""
     if not event.final:
         yield _said("info", test, "reports", f"attempt {event.attempt} came to: {event.outcome}; once more")
         return
-    if not event.verdict.good and not told:
+    if not event.verdict.good and not reported:
         kind = "fail" if event.verdict in (Verdict.FAILED, Verdict.UNEXPECTED_PASS) else "error"
         yield _said(kind, test, event.verdict, event.detail or event.reason)
     elif event.verdict in _NOTED or (event.verdict.good and not event.attempt):

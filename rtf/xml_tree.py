@@ -1,6 +1,6 @@
 """From the bytes of an XML file to a tree of elements that know their line and column: suites and robots are read so.
 
-The parser is expat, because it tells the place of every start tag and never opens anything by itself. What the files
+The parser is expat, because it reports the place of every start tag and never opens anything by itself. What the files
 of the past contain and a strict parser rejects (``--`` in comments) is fixed before, character for character, so that
 places stay true. Refused are entities, encodings nobody can name, and files or nestings beyond reason.
 """
@@ -73,11 +73,11 @@ class Element:
         """Where an attribute's name stands; the element's place when that is unknown."""
         if self._places is None:
             self._places = {}
-            place, told = self.location, self.offset
+            place, counted = self.location, self.offset
             position = self.offset + 1 + len(self.tag.encode())
             while match := _ATTRIBUTE.match(self.source, position):
-                place = self._places[match[1]] = _advance(place, self.source[told : match.start(1)].decode())
-                told, position = match.start(1), match.end()
+                place = self._places[match[1]] = _advance(place, self.source[counted : match.start(1)].decode())
+                counted, position = match.start(1), match.end()
         return self._places.get(name.encode(), self.location)
 
 

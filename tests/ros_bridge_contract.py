@@ -96,7 +96,7 @@ class BridgeContract:
         assert forces == (3.0, 6.0, 13.25)
 
     def test_inertial_units_are_passed_on(self, node: Callable[..., Any], network: Network):
-        """Orientation as a quaternion, rad/s; what is none is told once."""
+        """Orientation as a quaternion, rad/s; what is none is reported once."""
         got: list[Any] = []
         said: list[str] = []
         network.report = said.append
@@ -116,7 +116,7 @@ class BridgeContract:
         assert [one.orientation.z, one.orientation.w] == pytest.approx([math.sqrt(0.5)] * 2)
         assert (one.angular_velocity.z, one.linear_acceleration.z) == (pytest.approx(math.pi), 9.8)
 
-    def test_a_force_that_is_none_is_told_once(self, node: Callable[..., Any], network: Network):
+    def test_a_force_that_is_none_is_reported_once(self, node: Callable[..., Any], network: Network):
         """And passed over."""
         said: list[str] = []
         network.report = said.append

@@ -129,7 +129,7 @@ class Control:
         for thread in self._threads:
             thread.end(abandon=bool(self.failure))
         if self.failure:
-            raise ScheduleError(f"{self.failure}\n{self.told()}") from self.cause
+            raise ScheduleError(f"{self.failure}\n{self.text()}") from self.cause
 
     def turn_to_next(self) -> bool:
         """Make the next schedule the one that is run; False when there is none."""
@@ -152,7 +152,7 @@ class Control:
         self._made_by[maker] += 1
         return maker, self._made_by[maker]
 
-    def told(self) -> str:
+    def text(self) -> str:
         """The schedule: what each thread was about to do at each choice."""
         return "\n".join(self._steps[-80:])
 
@@ -397,7 +397,7 @@ class ControlledThread:
             target(*args)
         except _Abandoned:
             return
-        except BaseException as raised:  # noqa: BLE001 - whatever it is, it is told
+        except BaseException as raised:  # noqa: BLE001 - whatever it is, it is reported
             error = raised
         self.finished = True
         self._control.ended(error)

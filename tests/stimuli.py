@@ -53,7 +53,7 @@ _PUSH, _RELEASE = "push", "release"
 
 
 class Command(NamedTuple):
-    """What a board was told. ``form``: how the joints were named, as a "single" one, as a "group", or as "all".
+    """A command to a board. ``form``: how the joints were named, as a "single" one, as a "group", or as "all".
 
     ``values`` has one for each of the joints, or all that were given for the only one. ``time`` is the robot's, s;
     ``positions`` are where all joints of the part were then, deg; ``moment`` is that of the machine, s.
@@ -85,16 +85,16 @@ class Recording:
         (ended,) = self.outcome.of(TestEnded, test=f"s/{test}")
         return [one for one in self._commands if began.time <= one.moment <= ended.time]
 
-    def told(self, test: str, method: str, joint: int | None = None) -> list[Command]:
+    def commands(self, test: str, method: str, joint: int | None = None) -> list[Command]:
         """Return the commands of one method, to one joint if it is given."""
         return [one for one in self.during(test) if one.method == method and (joint is None or joint in one.joints)]
 
     def values(self, test: str, method: str, joint: int) -> list[Any]:
         """Return the values that one method commanded to a joint."""
-        return [one.value(joint) for one in self.told(test, method, joint)]
+        return [one.value(joint) for one in self.commands(test, method, joint)]
 
     def in_force(self, test: str, method: str, joint: int) -> list[Any]:
-        """What a joint had last been told by commands of one kind, at each of its position moves; None: nothing yet."""
+        """The last value that commands of one kind gave a joint, at each of its position moves; None: nothing yet."""
         last, found = None, []
         for one in self.during(test):
             if one.method == method and joint in one.joints:
@@ -155,9 +155,9 @@ class _Recorder:
             form, named = "single", (joints,)
         else:
             form, named = ("all", (*range(part.size),)) if joints is None else ("group", (*joints,))
-        told = (*values,) if isinstance(values, list | tuple | np.ndarray) else (values,) * len(named)
+        given = (*values,) if isinstance(values, list | tuple | np.ndarray) else (values,) * len(named)
         here = part.board.position[part.own].copy()
-        self.commands.append(Command(method, form, named, told, part.board.now, here, clock.now()))
+        self.commands.append(Command(method, form, named, given, part.board.now, here, clock.now()))
 
 
 def run_recorded(folder: Path, tests: str, parts: Sequence[str]) -> Recording:

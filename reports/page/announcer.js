@@ -12,7 +12,7 @@ export class Announcer {
   constructor(page) {
     this.page = page;
     this.waiting = [];
-    this.told = new Set(); // announced attempts
+    this.announced = new Set(); // ended attempts, and the end of the run
     this.polite = h("div", { class: "unseen", role: "status" });
     this.urgent = h("div", { class: "unseen", role: "alert" });
     this.element = h("div", {}, this.polite, this.urgent);
@@ -27,19 +27,19 @@ export class Announcer {
     for (const id of changes.tests) {
       const test = model.tests.get(id);
       const ended = test?.ended;
-      if (!ended || !isBad(test.state) || this.told.has(ended)) continue;
-      this.told.add(ended);
-      if (this.page.now() - ended.time < STALE) this.#tell(test);
+      if (!ended || !isBad(test.state) || this.announced.has(ended)) continue;
+      this.announced.add(ended);
+      if (this.page.now() - ended.time < STALE) this.#announce(test);
     }
-    if (changes.run && model.ended && !this.told.has(model.ended)) {
-      this.told.add(model.ended);
+    if (changes.run && model.ended && !this.announced.has(model.ended)) {
+      this.announced.add(model.ended);
       if (this.page.now() - model.ended.time > STALE) return;
       this.say(t("say.end", { state: stateWord(model.ended.verdict) }));
       this.page.sound.end(!isBad(model.ended.verdict));
     }
   }
 
-  #tell(test) {
+  #announce(test) {
     this.waiting.push(t("say.state", { name: test.name, state: stateWord(test.verdict) }));
     this.timer ??= setTimeout(() => this.#flush(), PAUSE);
   }

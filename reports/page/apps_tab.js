@@ -61,9 +61,9 @@ export class AppTab {
     const happened = this.tables.at(-1);
     try {
       this.status = await this.server.get(`${this.place}/status?after=${happened.last}`);
-      this.#tell("");
+      this.#notify("");
     } catch (error) {
-      this.#tell(error instanceof RefusedError ? error.message : "The server does not answer; the page goes on when it does.", "unreachable");
+      this.#notify(error instanceof RefusedError ? error.message : "The server does not answer; the page goes on when it does.", "unreachable");
       return;
     }
     const wrong = happened.update(this.status);
@@ -160,7 +160,7 @@ export class AppTab {
       const { view } = await this.server.post(`${this.place}/check`, content);
       if (content !== this.document.content) return; // it was changed meanwhile, and is checked again
       this.view = view;
-      this.#tell("", "refused");
+      this.#notify("", "refused");
       this.#draw();
     } catch (error) {
       this.fail(error);
@@ -189,7 +189,7 @@ export class AppTab {
       this.document = new AppDocument(saved.document);
       this.view = saved.view;
       this.selection.clear();
-      this.#tell("", "refused");
+      this.#notify("", "refused");
       this.#draw();
       if (document.activeElement === document.body) this.graph.element.focus();
       this.say("saved");
@@ -270,7 +270,7 @@ export class AppTab {
     const connections = word.endsWith("connect");
     try {
       await this.server.post(`${this.place}/${word}`, connections ? { connections: this.chosenConnections } : { modules: this.chosenModules });
-      this.#tell("", "refused");
+      this.#notify("", "refused");
     } catch (error) {
       this.fail(error);
     }
@@ -290,11 +290,11 @@ export class AppTab {
 
   fail(error) {
     if (!(error instanceof RefusedError) && !(error instanceof TypeError)) throw error;
-    this.#tell(error instanceof RefusedError ? error.message : "The server does not answer.", "refused");
+    this.#notify(error instanceof RefusedError ? error.message : "The server does not answer.", "refused");
   }
 
   /** Show why something cannot be done. That the server answers again ends only what said that it does not. */
-  #tell(text, why = "unreachable") {
+  #notify(text, why = "unreachable") {
     if (!text && why === "unreachable" && this.banner.dataset.why === "refused") return;
     this.banner.dataset.why = text ? why : "";
     this.banner.dataset.tone = "bad";

@@ -54,17 +54,17 @@ export class LiveCampaign {
         this.#reported = now.reported;
       }
     } catch (error) {
-      this.#tell(`The campaign does not answer (${error.message}). It has ended, or was stopped; this is its last state.`);
+      this.#notify(`The campaign does not answer (${error.message}). It has ended, or was stopped; this is its last state.`);
     }
   }
 
-  #tell(text) {
+  #notify(text) {
     setText(this.problem, text);
     this.problem.hidden = text === "";
   }
 
   #show(now) {
-    this.#tell("");
+    this.#notify("");
     this.wanted = now.state === "stopping"; // what the button does next: drop
     document.title = visible(`Campaign ${now.name}`);
     setBadge(this.state, SIGN_OF_CAMPAIGN[now.state], now.state);
@@ -104,7 +104,7 @@ export class LiveCampaign {
       await this.#server.post("control/stop", { drop: this.wanted });
       await this.#look();
     } catch (error) {
-      this.#tell(error.message);
+      this.#notify(error.message);
     }
   }
 }

@@ -1,6 +1,6 @@
 // The source of the page's data: the live server, or the blocks of an archived page, with the same interface.
 //
-// A source has `facts`, `start(take, tell)` (`take` gets records, `tell` the state of the connection: `connecting`,
+// A source has `facts`, `start(take, report)` (`take` gets records, `report` the state of the connection: `connecting`,
 // `live`, `reconnecting`, `complete`), `series(path)`, `file(record)`, `compare()`, `history()`, and, if it has
 // control, `stop(stage)` and `answer(…)`.
 
@@ -67,10 +67,10 @@ class LiveSource {
     return this.#token ? "" : "control.token";
   }
 
-  start(take, tell) {
-    tell("connecting");
+  start(take, report) {
+    report("connecting");
     const stream = new EventSource(`events?after=${this.#last}`);
-    stream.addEventListener("open", () => tell("live"));
+    stream.addEventListener("open", () => report("live"));
     // The next run may be served at the same address: then the page has to be reloaded.
     stream.addEventListener("run", (message) => JSON.parse(message.data) === this.facts.run || location.reload());
     stream.addEventListener("message", (message) => {
@@ -83,12 +83,12 @@ class LiveSource {
     });
     stream.addEventListener("end", () => {
       stream.close();
-      tell("complete");
+      report("complete");
     });
     stream.addEventListener("error", () => {
-      tell("reconnecting");
+      report("reconnecting");
       if (stream.readyState !== EventSource.CLOSED) return; // the browser tries again by itself
-      setTimeout(() => this.start(take, tell), RETRY);
+      setTimeout(() => this.start(take, report), RETRY);
     });
     this.stopListening = () => stream.close();
   }
@@ -162,8 +162,8 @@ class ArchiveSource {
     return "control.archive";
   }
 
-  async start(take, tell) {
-    tell("connecting");
+  async start(take, report) {
+    report("connecting");
     const text = await (await unpack(document.getElementById("rtf-journal"))).text();
     let records = [];
     for (let start = 0; start < text.length;) {
@@ -177,7 +177,7 @@ class ArchiveSource {
       await nextTask();
     }
     take(records);
-    tell("complete");
+    report("complete");
   }
 
   #read(line, records) {

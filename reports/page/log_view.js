@@ -13,7 +13,7 @@ const SOURCES = [["", "from everywhere"], ["test", "tests"], ["fixture", "fixtur
 const GRAVE_STATES = new Set(["collapsed", "failed"]);
 
 /** The text of a record in one line, and its severity: {weight, text}. */
-const TOLD = {
+const SUMMARIES = {
   message: (one) => [one.severity, [one.subject, one.detail || one.title].filter(Boolean).join(": ")],
   test_started: (one) => ["info", one.attempt > 1 ? `begins, attempt ${one.attempt}` : "begins"],
   test_ended: (one) => [endWeight(one.verdict), [one.verdict, one.detail || one.reason].filter(Boolean).join(": ")],
@@ -34,8 +34,8 @@ function endWeight(verdict) {
   return { good: "pass", bad: "failure", broken: "error", warn: "warning" }[tone] ?? "info";
 }
 
-function told(record) {
-  return TOLD[record.event]?.(record) ?? ["info", record.event];
+function summaryOf(record) {
+  return SUMMARIES[record.event]?.(record) ?? ["info", record.event];
 }
 
 function sourceKind(record) {
@@ -121,7 +121,7 @@ export class LogView {
       const record = log[this.seen];
       if (this.only && record.test !== this.only) continue;
       if (this.source.value && sourceKind(record) !== this.source.value) continue;
-      if (least > 0 && WEIGHTS.indexOf(told(record)[0]) < least) continue;
+      if (least > 0 && WEIGHTS.indexOf(summaryOf(record)[0]) < least) continue;
       if (words.length && !matchesWords(record, words)) continue;
       this.shown.push(record);
     }
@@ -141,7 +141,7 @@ export class LogView {
   }
 
   #draw(row, record) {
-    const [weight, text] = told(record);
+    const [weight, text] = summaryOf(record);
     const { model } = this.page;
     row.element.dataset.tone = toneOf(weight);
     setText(row.time, formatMoment(record.time, model.started?.time ?? record.time));
@@ -186,14 +186,14 @@ function sourceName(record, model) {
 }
 
 function matchesWords(record, words) {
-  const [weight, text] = told(record);
+  const [weight, text] = summaryOf(record);
   const all = `${weight}\n${record.test ?? ""}\n${record.fixture ?? ""}\n${record.suite ?? ""}\n${record.subject ?? ""}\n${text}\n${record.traceback ?? ""}`.toLowerCase();
   return words.every((word) => all.includes(word));
 }
 
 function entryBody(record, page) {
   if (record.event === "message") return h("ol", { class: "messages" }, messageItem(record, page));
-  const [, text] = told(record);
+  const [, text] = summaryOf(record);
   const parts = [longText(text, { clean: record.event === "output_captured" ? visibleOutput : visible, className: record.event === "output_captured" ? "mono" : "" })];
   const more = record.event === "stack_dumped" ? record.text : record.traceback;
   if (more) parts.push(longText(more, { className: "mono" }));

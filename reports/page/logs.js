@@ -69,7 +69,7 @@ class LogsPage {
     this.busy = true;
     try {
       await step();
-      this.#trouble("");
+      this.#showProblem("");
     } catch (error) {
       if (stop === window.stop && !stop.signal.aborted) this.#failed(error);
     } finally {
@@ -105,10 +105,10 @@ class LogsPage {
 
   #failed(error) {
     this.refused = error instanceof LogRequestError && error.refused;
-    this.#trouble(error instanceof LogRequestError ? error.message : UNREACHABLE);
+    this.#showProblem(error instanceof LogRequestError ? error.message : UNREACHABLE);
   }
 
-  #trouble(text) {
+  #showProblem(text) {
     this.problem.hidden = !text;
     setText(this.problem, text);
   }

@@ -33,8 +33,8 @@ function messageValue(record, page) {
   const { value, low, high } = record;
   if (typeof value !== "number" || ((low ?? null) === null && (high ?? null) === null)) return null;
   const bar = marginBar({ ...record, verdict: record.severity === "pass" ? "passed" : "failed" }, page.format);
-  const told = record.detail?.includes(formatNumber(value));
-  return bar && h("p", { class: "message-value" }, bar, told ? null : free(` ${formatQuantity(value, record.unit)}, wanted ${formatLimits(low, high, record.unit)}`));
+  const stated = record.detail?.includes(formatNumber(value));
+  return bar && h("p", { class: "message-value" }, bar, stated ? null : free(` ${formatQuantity(value, record.unit)}, wanted ${formatLimits(low, high, record.unit)}`));
 }
 
 /** The ends of the tests with problems, worst first. */

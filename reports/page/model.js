@@ -59,7 +59,7 @@ class Test {
     this.running = false;
     this.failures = 0; // messages of severity failure or error, last attempt
     this.renamed = false;
-    this.cases = []; // of a program: tests of their own, as it told them
+    this.cases = []; // of a program: tests of their own, as it reported them
     this.program = null; // of which it is a case
   }
 
@@ -234,7 +234,7 @@ const HANDLERS = {
     for (const suite of run.suites.values()) suite.ended = null;
     for (const test of [...run.tests.values()]) {
       if (!run.tests.has(test.id) || (test.verdict !== null && !OPEN.has(test.verdict))) continue;
-      for (const one of [...test.cases]) run.forget(one); // the program tells them again
+      for (const one of [...test.cases]) run.forget(one); // the program reports them again
       const before = test.state;
       Object.assign(test, { verdict: null, running: false, attempts: [], failures: 0 });
       run.running.delete(test.id);

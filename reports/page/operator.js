@@ -90,17 +90,17 @@ export class QuestionPanel {
     const { asked } = this;
     try {
       await this.page.source.answer(asked.test, asked.question, answer);
-      if (this.asked === asked) this.#tell(t("ask.sent"), "idle");
+      if (this.asked === asked) this.#notify(t("ask.sent"), "idle");
     } catch (error) {
       if (this.asked === asked) this.#complain(error.message);
     }
   }
 
   #complain(text) {
-    this.#tell(text, "bad");
+    this.#notify(text, "bad");
   }
 
-  #tell(text, tone) {
+  #notify(text, tone) {
     this.said.dataset.tone = tone;
     setText(this.said, text);
   }

@@ -97,9 +97,9 @@ class _Check:
         for module in self._modules:
             found = substitute(module, table)
             if found.missing and not found.optional:
-                self._problems.error(found.told, module.name.location, "install it, or take the module out")
-            elif found.told:
-                self._problems.warning(found.told, module.name.location)
+                self._problems.error(found.message, module.name.location, "install it, or take the module out")
+            elif found.message:
+                self._problems.warning(found.message, module.name.location)
             try:
                 local = find_deployer(module, self._folder) is LocalDeployer
             except ApplicationError as error:
@@ -112,7 +112,7 @@ class _Check:
                 )
             program = program_of(module)
             local = local and not allowed_nodes(module, self._computers)
-            if local and not found.told and not is_there(program, module.workdir):
+            if local and not found.message and not is_there(program, module.workdir):
                 self._problems.error(f"there is no program {quote(program)}", module.name.location, "install it")
         return None
 
@@ -143,7 +143,7 @@ class _Check:
         order = Order(self._application, self._ports)
         if order.circle:
             place = self._modules[order.circle[0]].location
-            message = f"modules wait for each other: {order.told(self._application)}"
+            message = f"modules wait for each other: {order.circle_text(self._application)}"
             self._problems.error(message, place, "remove one of their <dependencies>")
 
     # Connections -------------------------------------------------------------------------------------------------
@@ -207,7 +207,7 @@ class _Check:
     def _check_openers(self) -> None:
         """Find ports that nobody opens. A program of which nothing is known could open any."""
         known = all(one.described or one.stem for one in self._ports)
-        tell = self._problems.error if all(self._descriptions) else self._problems.warning
+        report = self._problems.error if all(self._descriptions) else self._problems.warning
         described = {port for one in self._ports for port in one.described}
         stems = {one.stem for one in self._ports}
         for port, external in self._mentioned():
@@ -216,7 +216,7 @@ class _Check:
             if external and self._network is not None:
                 self._problems.error(f"the external port {port} is not open", port.location, "start its program")
             elif known and not external:
-                tell(f"no program opens the port {port}", port.location, 'or mark it with external="true"')
+                report(f"no program opens the port {port}", port.location, 'or mark it with external="true"')
 
     def _mentioned(self) -> Iterator[tuple[Text, bool]]:
         application = self._application

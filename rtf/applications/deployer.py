@@ -21,7 +21,7 @@ class DeployerContext:
 
     ``local`` is the network for the own node ``own_name``, ``record`` opens what an earlier one has left. With ``hold``
     modules run on when the manager has ended. ``log`` is the port of the logger for their output, None without.
-    ``attached``: another process has the own node, and it is asked by the network. ``told`` gets what is done with
+    ``attached``: another process has the own node, and it is asked by the network. ``report`` gets what is done with
     programs that an earlier manager has left.
     """
 
@@ -32,7 +32,7 @@ class DeployerContext:
     hold: bool = False
     log: str | None = None
     attached: bool = False
-    told: Callable[[str], None] = lambda _: None
+    report: Callable[[str], None] = lambda _: None
 
 
 class Deployer(ABC):

@@ -111,7 +111,7 @@ class LocalDeployer(NodeDeployer):
     def _say(self, text: str) -> None:
         """Pass on what is done with programs that were left; the manager itself reports all else."""
         if self._opening:
-            self.context.told(text)
+            self.context.report(text)
 
     def _client(self, timeout: float) -> RunClient:
         if self._server is None:

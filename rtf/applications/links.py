@@ -42,7 +42,7 @@ class Links:
     def connect(self, some: Iterable[Connection] | None = None, *, last: bool = True) -> bool:
         """Make all connections that are not made, or ``some``. Returns whether all are that are wanted now.
 
-        The ``last`` try tells of the others.
+        The ``last`` try reports the others.
         """
         self.want(self._known if some is None else some)
         return self._make(last=last)

@@ -85,7 +85,9 @@ class Manager:
         self._ports = [ports_of(*pair) for pair in zip(application.modules, descriptions, strict=True)]
         self._order = Order(application, self._ports)
         if self._order.circle:
-            raise ApplicationError(f"{application.file}: modules wait for each other: {self._order.told(application)}")
+            raise ApplicationError(
+                f"{application.file}: modules wait for each other: {self._order.circle_text(application)}"
+            )
         table = table_of(folder)
         self.links = Links(application.connections, self._network, said, self._ending)
         self._pool = self._make_pool()
@@ -109,10 +111,10 @@ class Manager:
 
     def _unit(self, index: int, module: Module, table: Mapping[str, Entry]) -> Unit:
         found = Substituted(module) if allowed_nodes(module, self._computers) else substitute(module, table)
-        if found.told:
-            self._say(Kind.SUBSTITUTED, found.told, module)
+        if found.message:
+            self._say(Kind.SUBSTITUTED, found.message, module)
         state = State.MISSING if found.missing else State.STOPPED
-        reason = found.told if found.missing else ""
+        reason = found.message if found.missing else ""
         return Unit(index, found.module, None, module.tag, state, reason=reason, optional=found.optional)
 
     def _place(self, units: Sequence[Unit]) -> None:
@@ -278,7 +280,7 @@ class Manager:
     def _await_dependencies(self, unit: Unit) -> None:
         """Wait for the ports of a module. Raises ApplicationError after the longest of their timeouts."""
         openers = [self.units[index] for index in self._order.needs[unit.index]]
-        began, told = clock.monotonic(), False
+        began, announced = clock.monotonic(), False
         longest = max((one.timeout or self._patience for one in unit.module.dependencies), default=0.0)
         for dependency in unit.module.dependencies:
             while what := connections.missing(self._network, dependency):
@@ -286,8 +288,8 @@ class Manager:
                     raise ApplicationError(f"it waits for a port of {failed[0].module}, which is not up")
                 if clock.monotonic() - began > longest:
                     raise ApplicationError(f"after {longest:g} s, {what}")
-                if not told:
-                    told = True
+                if not announced:
+                    announced = True
                     self._say(Kind.WAITING, f"{unit.module} waits: {what}", unit.module)
                 if self._is_over(unit, LOOK):
                     raise ApplicationError("it was waiting when the application was stopped")
@@ -339,7 +341,7 @@ class Manager:
     def watch_modules(self) -> None:
         """Look at modules alone."""
         self.look(LOOK)
-        for unit in self.units:  # also those of which a slow node has told since the last look
+        for unit in self.units:  # also those that a slow node has reported since the last look
             if unit.unnoticed and unit.state is State.STOPPED:
                 unit.unnoticed = False
                 if not unit.halted and self._note_end(unit):
@@ -375,9 +377,9 @@ class Manager:
             else:
                 unit.unnoticed = state is not State.STOPPED or unit.unnoticed
                 unit.state = State.STOPPED
-        self._tell_of(deployer, reason)
+        self._report_lost(deployer, reason)
 
-    def _tell_of(self, deployer: Deployer, reason: str) -> None:
+    def _report_lost(self, deployer: Deployer, reason: str) -> None:
         if reason and deployer.place not in self._lost:
             self._lost.add(deployer.place)
             self._say(Kind.LOST, f"{deployer.place} is not watched: {reason}")

@@ -106,7 +106,7 @@ class Order:
             self._levels = [[*self.needs]]
             self.circle = tuple(error.args[1])
 
-    def told(self, application: Application) -> str:
+    def circle_text(self, application: Application) -> str:
         """Return the circle for people."""
         return " -> ".join(str(application.modules[index].name) for index in self.circle)
 

@@ -53,10 +53,10 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 @dataclass(frozen=True, slots=True)
 class Substituted:
-    """A module as it is started; ``told`` says what was done, empty if nothing was. ``missing``: it is not started."""
+    """A module as it is started. ``message`` says what was done, empty if nothing. ``missing``: it is not started."""
 
     module: Module
-    told: str = ""
+    message: str = ""
     missing: bool = False
     optional: bool = False
     provides: Mapping[str, str] = field(default_factory=dict)

@@ -185,13 +185,13 @@ class CampaignStore(History):
 
     def counts(self) -> dict[State, int]:
         """Return the number of tasks in each state."""
-        with self._telling():
+        with self._translate_errors():
             rows = self._connection.execute("SELECT state, count(*) FROM tasks GROUP BY state").fetchall()
         return Counter({State(state): count for state, count in rows})
 
     def endings(self) -> list[tuple[Task, State, str]]:
         """Return the tasks that ended without a result, with the reason."""
-        with self._telling():
+        with self._translate_errors():
             rows = self._connection.execute(
                 f"SELECT task, state, detail FROM tasks WHERE state IN ({_AGAIN}) ORDER BY id"  # noqa: S608
             ).fetchall()
@@ -199,7 +199,7 @@ class CampaignStore(History):
 
     def latest(self, count: int) -> list[Outcome]:
         """Return so many outcomes of tasks that are done, the newest first, without measurements."""
-        with self._telling():
+        with self._translate_errors():
             rows = self._connection.execute(
                 "SELECT t.task, s.test, s.verdict, s.attempts, s.duration, s.processor, s.named FROM tasks t "
                 "JOIN tests s ON s.run = t.run ORDER BY t.run DESC, s.test LIMIT ?",
@@ -209,7 +209,7 @@ class CampaignStore(History):
 
     def found(self) -> dict[str, bool | None]:
         """Return, for each task that is over, whether its test failed; None where it says nothing of the robot."""
-        with self._telling():
+        with self._translate_errors():
             rows = self._connection.execute(
                 "SELECT t.key, json_extract(t.task, '$.fault') IS NULL, group_concat(s.verdict, '\n') FROM tasks t "
                 "LEFT JOIN tests s ON s.run = t.run WHERE t.state NOT IN ('waiting', 'running') GROUP BY t.id"
@@ -221,7 +221,7 @@ class CampaignStore(History):
 
     def means(self) -> tuple[float, float] | None:
         """Return seconds and bytes of an average run of the file; None if there is none."""
-        with self._telling():
+        with self._translate_errors():
             seconds, size = self._connection.execute(
                 "SELECT avg(t.seconds), avg(length(j.journal)) FROM tasks t JOIN journals j ON j.task = t.id"
             ).fetchone()
@@ -229,7 +229,7 @@ class CampaignStore(History):
 
     def journal_of(self, key: str) -> bytes:
         """Return the journal of a task, as it was written. Raises CampaignError if there is none."""
-        with self._telling():
+        with self._translate_errors():
             row = self._connection.execute(
                 "SELECT j.journal FROM journals j JOIN tasks t ON t.id = j.task WHERE t.key = ?", (key,)
             ).fetchone()
@@ -239,7 +239,7 @@ class CampaignStore(History):
 
     def journals(self) -> Iterator[tuple[Task, bytes]]:
         """Yield the tasks that are over with their journals; those of tasks that killed their workers are empty."""
-        with self._telling():
+        with self._translate_errors():
             for text, packed in self._connection.execute(
                 "SELECT t.task, j.journal FROM tasks t LEFT JOIN journals j ON j.task = t.id "
                 "WHERE t.state IN ('done', 'killed') ORDER BY t.id"
@@ -251,7 +251,7 @@ class CampaignStore(History):
 
         A task that killed its worker each time is an outcome, too: an error without measurements.
         """
-        with self._telling():
+        with self._translate_errors():
             cursor = self._connection.execute(
                 "SELECT t.task, t.state, t.attempts, t.run, s.test, s.verdict, s.attempts, s.duration, s.processor, "
                 "s.named FROM tasks t LEFT JOIN tests s ON s.run = t.run WHERE t.state IN ('done', 'killed') "

@@ -58,7 +58,7 @@ class Status(StrEnum):
 class Job(Struct, frozen=True, forbid_unknown_fields=True):
     """What a worker is sent: a task, the files it needs, and how long it may take (s).
 
-    ``attempt`` tells a run on a real robot that a person has asked for again from one that only came again.
+    ``attempt`` distinguishes a run on a real robot that a person has asked for again from one that only came again.
     """
 
     key: str

@@ -143,8 +143,8 @@ def show(words: Sequence[str]) -> ExitCode:
         print(f"module {module.command}  [{shown_node(module, computers)}]")
         for dependency in module.dependencies:
             print(f"  waits for {dependency.port}")
-        if told := substitute(module, table).told:
-            print(f"  {told}")
+        if message := substitute(module, table).message:
+            print(f"  {message}")
     for connection in application.connections:
         print(f"connection {connection}  [{connection.carrier}{' persist' if connection.persist else ''}]")
     return ExitCode.PASSED
@@ -215,7 +215,7 @@ def make_manager(
     from rtf.cli.network.options import make_network
     from rtf.middleware.naming.configuration import find_network
 
-    tell = said or _tell
+    report = said or _print_event
     word = re.sub(r"[^0-9A-Za-z._-]", "_", application.name)
     context = DeployerContext(
         make_network(),
@@ -225,12 +225,12 @@ def make_manager(
         hold=hold,
         log=log,
         attached=attached,
-        told=lambda text: tell(Event(Kind.FOUND, text)),
+        report=lambda text: report(Event(Kind.FOUND, text)),
     )
-    return Manager(application, context, tell, patience=PATIENCE if patience is None else patience)
+    return Manager(application, context, report, patience=PATIENCE if patience is None else patience)
 
 
-def _tell(event: Event) -> None:
+def _print_event(event: Event) -> None:
     from rtf.applications.events import Kind
 
     _say(event.text, wrong=event.kind in (Kind.FAILED, Kind.LOST))
@@ -387,7 +387,7 @@ def _links(application: Application) -> Links:
     from rtf.applications.links import Links
     from rtf.cli.network.options import make_network
 
-    return Links(application.connections, make_network(), _tell)
+    return Links(application.connections, make_network(), _print_event)
 
 
 def status(words: Sequence[str]) -> ExitCode:

@@ -64,8 +64,8 @@ def compare(words: Sequence[str]) -> ExitCode:
     parser = make_parser(
         "campaign compare",
         "Say which detection limits, rates and distributions differ between two campaigns, such as before and after a"
-        " new firmware. Hundreds of comparisons find differences by chance; they are told so that at most 5 % of them"
-        " are expected to be chance (Benjamini and Hochberg).",
+        " new firmware. Hundreds of comparisons find differences by chance; they are reported so that at most 5 % of"
+        " them are expected to be chance (Benjamini and Hochberg).",
         """
         rtf campaign compare before.sqlite after.sqlite
         rtf campaign compare before.sqlite after.sqlite --json changes.json
@@ -207,7 +207,7 @@ def _short(value: float) -> float:
     return float(f"{value:.3g}")
 
 
-def _told_apart(first: float, second: float) -> tuple[str, str]:
+def _distinct_numbers(first: float, second: float) -> tuple[str, str]:
     """Return two numbers with three digits, or as many more, up to six, as they need to differ."""
     for digits in (3, 4, 5, 6):
         texts = f"{first:.{digits}g}", f"{second:.{digits}g}"
@@ -246,7 +246,7 @@ def _change_row(change: Change) -> list[Cell]:
 
 def _moved(change: Change) -> str:
     if change.what == "distribution":
-        before, after = _told_apart(change.before, change.after)
+        before, after = _distinct_numbers(change.before, change.after)
         return f"median {before} to {quantity(float(after), change.unit)}"
     text = f"{_percent(change.before)} to {_percent(change.after)}"
     if change.limits is None:

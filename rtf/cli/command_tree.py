@@ -293,7 +293,7 @@ def _run_guarded(root: Command, words: Sequence[str]) -> int:
         finally:
             sys.stdout.flush()
     except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001 - 1, Python's own exit code, would mean failures
-        return int(_tell(program, error))
+        return int(_report_error(program, error))
 
 
 def _run(command: Command, program: str, words: Sequence[str]) -> int:
@@ -322,7 +322,7 @@ def _run(command: Command, program: str, words: Sequence[str]) -> int:
     return int(ExitCode.USAGE)
 
 
-def _tell(program: str, error: BaseException) -> ExitCode:
+def _report_error(program: str, error: BaseException) -> ExitCode:
     """Report what ended a command, and return the exit code."""
     if isinstance(error, KeyboardInterrupt) or isinstance(error.__cause__, KeyboardInterrupt):  # a class was being made
         print(f"{program}: interrupted", file=sys.stderr)

@@ -80,18 +80,18 @@ def _watch_chain(network: Network) -> list[str]:
     """Start the application, kill a program, and stop; return what happened."""
     file = shipped_folder("suites") / "demo" / "chain" / "chain.xml"
     loaded = read_application(file, {"folder": str(file.parent)})
-    told: list[Event] = []
+    events: list[Event] = []
     connected = threading.Event()
 
     def hear(event: Event) -> None:
-        told.append(event)
-        if event.kind is Kind.CONNECTED and any(one.kind is Kind.RESTARTED for one in told):
+        events.append(event)
+        if event.kind is Kind.CONNECTED and any(one.kind is Kind.RESTARTED for one in events):
             connected.set()
 
     began = clock.monotonic()
     with Manager(loaded.application, DeployerContext(network, network, "/app/chain"), hear) as manager:
         if not manager.start():
-            raise ApplicationError("; ".join(one.text for one in told if one.kind is Kind.FAILED))
+            raise ApplicationError("; ".join(one.text for one in events if one.kind is Kind.FAILED))
         up = clock.monotonic() - began
         watching = threading.Thread(target=manager.watch, name="rtf-demo-application")
         watching.start()
@@ -103,7 +103,7 @@ def _watch_chain(network: Network) -> list[str]:
                 left = clock.monotonic()
                 os.kill(killed.pid, signal.SIGKILL)
                 if not connected.wait(_LIMIT):
-                    last = "; ".join(one.text for one in told[-5:])
+                    last = "; ".join(one.text for one in events[-5:])
                     raise ApplicationError(
                         f"'{_KILLED}' was killed, and is not connected again after {_LIMIT:g} s; last events: {last}"
                     )
@@ -119,7 +119,7 @@ def _watch_chain(network: Network) -> list[str]:
         raise ApplicationError("not all programs of the application could be stopped")
     return [
         f"An application of {len(manager.units)} programs on the nodes {' and '.join(_NODES)} is up after {up:.1f} s",
-        *(f"  {one.text.splitlines()[0]}" for one in told if one.ending or one.kind is Kind.RESTARTED),
+        *(f"  {one.text.splitlines()[0]}" for one in events if one.ending or one.kind is Kind.RESTARTED),
         f"  {away:.1f} s after its end numbers arrive as before: {before}, then {after}",
         "  all programs were stopped, and nothing is left on the nodes",
     ]

@@ -133,7 +133,7 @@ def _select(suites: tuple[TestSuite, ...], options: argparse.Namespace) -> tuple
             filters["--stepwise"] = selection.id_filter(_from_first(suites, _failed_in(last, "--stepwise")))
     limited = getattr(options, "limited", {})  # of a run that is resumed: the only cases that it wants
     if filters:
-        cases = journal.cases_told(Path(options.runs), _programs(suites)) if planned is None else {}
+        cases = journal.reported_cases(Path(options.runs), _programs(suites)) if planned is None else {}
         conditions = [lambda test, passes=passes: test.id in limited or passes(test) for passes in filters.values()]
         selected = selection.select(suites, conditions, with_required=True, cases=cases)
         if not selected:
@@ -182,8 +182,8 @@ def fingerprints(plan: Plan) -> dict[str, str]:
 def said_of_changes(changes: PlanChanged) -> Diagnosed:
     """Return the message that the suites of a run that is resumed were edited."""
     kinds = (("added", changes.added), ("removed", changes.removed), ("changed", changes.changed))
-    told = "; ".join(f"{word}: {', '.join(tests)}" for word, tests in kinds if tests)
-    text = f"the suites were edited since the run was begun: {told}"
+    listed = "; ".join(f"{word}: {', '.join(tests)}" for word, tests in kinds if tests)
+    text = f"the suites were edited since the run was begun: {listed}"
     return Diagnosed(
         severity=Severity.WARNING, text=text, hint="what is new or changed is run, what is gone is left out"
     )

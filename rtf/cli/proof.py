@@ -58,7 +58,7 @@ def proof(words: Sequence[str]) -> ExitCode:
     text = write_matrix(judged)
     target = Path(options.output) if options.output else folder / "proof.md"
     target.write_text(text, encoding="utf-8")
-    return _tell(judged, target)
+    return _print_judgement(judged, target)
 
 
 def _parse(words: Sequence[str]) -> argparse.Namespace:
@@ -108,7 +108,7 @@ def _judge_campaign(options: argparse.Namespace) -> ExitCode:
         cases = [*judged(store)]
     target = Path(options.output) if options.output else options.campaign.with_suffix(".md")
     target.write_text(write_matrix(cases), encoding="utf-8")
-    return _tell(cases, target)
+    return _print_judgement(cases, target)
 
 
 def _cases(options: argparse.Namespace) -> list[Case]:
@@ -182,7 +182,7 @@ def _judged_cases(run: Path, by_test: dict[str, Case]) -> list[JudgedCase]:
     return [judge(case, results.tests.get(test)) for test, case in by_test.items()]
 
 
-def _tell(judged: Sequence[JudgedCase], target: Path) -> ExitCode:
+def _print_judgement(judged: Sequence[JudgedCase], target: Path) -> ExitCode:
     wrong = [one for one in judged if not one.judgement.good]
     for one in wrong:
         print(f"{one.judgement.value}: {one.case.name}{one.case.on_unit}: {one.sentence}")

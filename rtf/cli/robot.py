@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _PICTURE = (640, 480)
 
 
-def _told(command: Callable[[Sequence[str]], int]) -> Callable[[Sequence[str]], int]:
+def _reporting_errors(command: Callable[[Sequence[str]], int]) -> Callable[[Sequence[str]], int]:
     """Wrap a command so that it ends with 1 and a sentence when a robot cannot be read."""
 
     def run(words: Sequence[str]) -> int:
@@ -35,7 +35,7 @@ def _told(command: Callable[[Sequence[str]], int]) -> Callable[[Sequence[str]], 
     return run
 
 
-@_told
+@_reporting_errors
 def list_robots(words: Sequence[str]) -> int:
     """List the robots that can be found, a line each."""
     from rtf.robot.model import find_robot, load_robot, robot_names
@@ -55,7 +55,7 @@ def list_robots(words: Sequence[str]) -> int:
     return int(ExitCode.PASSED)
 
 
-@_told
+@_reporting_errors
 def check_robot(words: Sequence[str]) -> int:
     """Read a robot, build it, and report what is wrong or assumed; 1 if a robot like this could not be tested."""
     from rtf.robot.kinematics.tables import CHAINS_FILE, robot_chains
@@ -135,7 +135,7 @@ def _draw(plant: Plant, path: Path) -> None:
     whole.save(path)
 
 
-@_told
+@_reporting_errors
 def new_robot(words: Sequence[str]) -> int:
     """Write a draft of a robot.toml from a description."""
     from rtf.simulator.derive import draft
@@ -172,7 +172,7 @@ def new_robot(words: Sequence[str]) -> int:
     return int(ExitCode.PASSED)
 
 
-@_told
+@_reporting_errors
 def test_robot(words: Sequence[str]) -> int:
     """Run the suites of ``suites/any`` for which a simulated robot has the parts."""
     from rtf.cli import testrunner

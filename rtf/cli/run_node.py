@@ -212,9 +212,9 @@ def _request(client: RunClient, options: argparse.Namespace) -> ExitCode:
 
     if options.kill:
         tag, signum = options.kill
-        return _told("kill", done=client.kill(tag, _signal(signum)))
+        return _report_outcome("kill", done=client.kill(tag, _signal(signum)))
     if options.sigterm:
-        return _told("sigterm", done=client.terminate(options.sigterm))
+        return _report_outcome("sigterm", done=client.terminate(options.sigterm))
     if options.isrunning:
         runs = client.is_running(options.isrunning)
         say("running" if runs else "not running")
@@ -237,7 +237,7 @@ def _request(client: RunClient, options: argparse.Namespace) -> ExitCode:
     return ExitCode.PASSED
 
 
-def _told(what: str, *, done: bool) -> ExitCode:
+def _report_outcome(what: str, *, done: bool) -> ExitCode:
     from rtf.cli.network.terminal import say
 
     say(f"{what} {'OK' if done else 'FAILED'}")

@@ -43,7 +43,7 @@ _FASTEST = float("inf")
 _HIGHEST_RATE = 1000.0  # Hz: that of the simulated boards
 
 
-def _told(command: Callable[[Sequence[str]], int]) -> Callable[[Sequence[str]], int]:
+def _reporting_errors(command: Callable[[Sequence[str]], int]) -> Callable[[Sequence[str]], int]:
     """Wrap a command so that it ends with 1, not with 4, when the simulator refuses or cannot be reached."""
 
     def run(words: Sequence[str]) -> int:
@@ -56,7 +56,7 @@ def _told(command: Callable[[Sequence[str]], int]) -> Callable[[Sequence[str]], 
     return run
 
 
-@_told
+@_reporting_errors
 def simulator(words: Sequence[str]) -> int:
     """Start a simulator and run it until a signal ends it; returns the exit code."""
     from rtf.bottle import Dialect
@@ -226,7 +226,7 @@ def _rate(text: str) -> float:
 # What can be broken ----------------------------------------------------------------------------------------------
 
 
-@_told
+@_reporting_errors
 def faults(words: Sequence[str]) -> int:
     """Print the kinds of faults, or all about one."""
     parser = Parser(prog="rtf simulator faults", description="The kinds of faults, by layer.")
@@ -246,7 +246,7 @@ def faults(words: Sequence[str]) -> int:
 # Talking to one that runs ----------------------------------------------------------------------------------------
 
 
-@_told
+@_reporting_errors
 def status(words: Sequence[str]) -> int:
     """Print the state of a simulator."""
     parser = Parser(
@@ -264,7 +264,7 @@ def status(words: Sequence[str]) -> int:
     return int(ExitCode.PASSED)
 
 
-@_told
+@_reporting_errors
 def inject(words: Sequence[str]) -> int:
     """Inject a fault into a simulator that runs."""
     parser = Parser(
@@ -300,7 +300,7 @@ def _value(parser: Parser, word: str) -> tuple[str, float]:
         parser.error(f"{name}: {text!r} is no number")
 
 
-@_told
+@_reporting_errors
 def clear(words: Sequence[str]) -> int:
     """Remove a fault, or all faults, from a simulator that runs."""
     parser = Parser(

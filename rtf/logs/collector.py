@@ -42,19 +42,19 @@ _PAUSE = 0.02
 #: Seconds that are waited at the end for what was sent, and between two looks.
 _CLOSING, _LOOK = 2.0, 0.005
 #: Seconds between two warnings about lost records of one sender.
-_TELLING = 1.0
+_WARNING_INTERVAL = 1.0
 
 
 class _Backlog:
-    """What waits of one sender: the messages with their arrivals, their size, and how many were dropped since told."""
+    """What waits of one sender: messages with their arrivals, their size, and the number dropped since a warning."""
 
-    __slots__ = ("dropped", "entries", "size", "told")
+    __slots__ = ("dropped", "entries", "last_warning", "size")
 
     def __init__(self) -> None:
         self.entries: deque[tuple[float, bytes]] = deque()
         self.size = 0
         self.dropped = 0
-        self.told = 0.0
+        self.last_warning = 0.0
 
 
 class Collector:
@@ -183,10 +183,10 @@ class Collector:
                     arrived, data = entries.popleft()
                     backlog.size -= len(data) + _OVERHEAD
                     taken.append((arrived, sender, data))
-                if backlog.dropped and (hurry or now - backlog.told >= _TELLING):
+                if backlog.dropped and (hurry or now - backlog.last_warning >= _WARNING_INTERVAL):
                     warnings.append((now, _warning(sender, backlog.dropped, now)))
                     self.dropped += backlog.dropped
-                    backlog.dropped, backlog.told = 0, now
+                    backlog.dropped, backlog.last_warning = 0, now
                 if not entries and not backlog.dropped:
                     del self._backlogs[sender]
             self._share = self._memory // max(1, len(self._backlogs))

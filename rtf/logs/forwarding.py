@@ -102,7 +102,7 @@ class ForwardingHandler(logging.Handler):
         self._closing = threading.Event()
         self._thread: threading.Thread | None = None
         self._given_up = False
-        self._told = self.dropped  # how many of the dropped records the log knows of
+        self._dropped_reported = self.dropped  # how many of the dropped records the log knows of
 
     def emit(self, record: logging.LogRecord) -> None:
         """Queue a record. Called with the handler's lock."""
@@ -170,8 +170,8 @@ class ForwardingHandler(logging.Handler):
             return
         while queue:
             write(self._message(queue.popleft(), port.name, process).to_bytes())
-        if dropped := self.dropped - self._told:
-            self._told += dropped
+        if dropped := self.dropped - self._dropped_reported:
+            self._dropped_reported += dropped
             self._send_own(port, Level.WARNING, f"{dropped} records were dropped: they came faster than sent", process)
         port.flush()
 

@@ -1,7 +1,7 @@
 """The file of a log: an SQLite file with a greatest size, written by one collector and read by any number of readers.
 
 The file keeps its size: when it is full, the oldest records make room (``docs/decisions/0045``). Readers and the writer
-do not wait for each other (write-ahead log). ``application_id`` tells our files from those of other programs.
+do not wait for each other (write-ahead log). ``application_id`` distinguishes our files from those of other programs.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class _LogFile:
 
     def __init__(self, path: Path, mode: str) -> None:
         self.path = path
-        with self._telling():
+        with self._translate_errors():
             self._connection = sqlite3.connect(
                 f"{path.absolute().as_uri()}?mode={mode}",
                 uri=True,
@@ -96,7 +96,7 @@ class _LogFile:
                 check_same_thread=False,
             )
         try:
-            with self._telling():
+            with self._translate_errors():
                 self._prepare()
         except BaseException:
             self._connection.close()
@@ -119,8 +119,8 @@ class _LogFile:
         return int(found[0]), int(found[1]), int(found[2])
 
     @contextmanager
-    def _telling(self) -> Iterator[None]:
-        """Say of what goes wrong with the file which one it is, and what to do."""
+    def _translate_errors(self) -> Iterator[None]:
+        """Turn errors of SQLite into LogFileError, with the file and what to do."""
         try:
             yield
         except sqlite3.Error as error:
@@ -131,7 +131,7 @@ class _LogFile:
 
     def close(self) -> None:
         """Close the file."""
-        with self._telling():
+        with self._translate_errors():
             self._connection.close()
 
     def __enter__(self) -> Self:
@@ -159,7 +159,7 @@ class LogStore(_LogFile):
         except OSError as error:
             raise LogFileError(f"cannot make the folder of the log {path}: {error.strerror or error}") from None
         super().__init__(path, "rwc")
-        with self._telling():
+        with self._translate_errors():
             (page,) = self._connection.execute("PRAGMA page_size").fetchone()
         self._most_pages = max_size // int(page)
 
@@ -177,7 +177,7 @@ class LogStore(_LogFile):
 
     def add(self, records: Sequence[tuple[float, LogRecord]]) -> None:
         """Add records, each with the time of its arrival, in one transaction. A full file loses its oldest."""
-        with self._telling():
+        with self._translate_errors():
             with self._transaction():
                 try:
                     self._insert(records)
@@ -256,7 +256,7 @@ class LogReader(_LogFile):
         """
         condition, values = (query or Query()).condition()
         sql = f"{_READ} records.number > ? AND {condition} ORDER BY records.number"
-        with self._telling():
+        with self._translate_errors():
             rows: Iterable[tuple[Any, ...]]
             if last is None:
                 rows = self._connection.execute(sql, (after, *values))
@@ -271,7 +271,7 @@ class LogReader(_LogFile):
 
     def ends(self) -> tuple[int, int]:
         """Return the numbers of the oldest and the newest record; 1 and 0 if there is none."""
-        with self._telling():
+        with self._translate_errors():
             oldest, newest = self._connection.execute(
                 "SELECT (SELECT min(number) FROM records), (SELECT max(number) FROM records)"
             ).fetchone()
@@ -291,7 +291,7 @@ class LogReader(_LogFile):
             f"{_READ} records.number > ? AND records.number <= ? AND {condition} "
             f"ORDER BY records.number {'DESC' if newest else 'ASC'} LIMIT ?"
         )
-        with self._telling():
+        with self._translate_errors():
             rows = self._connection.execute(sql, (low, high, *values, count)).fetchall()
         records = [(row[0], row[1], LogRecord(row[2], Level(row[3]), *row[4:])) for row in rows]
         if newest:

@@ -54,14 +54,14 @@ class SuiteHooks:
     ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
         """Replace the words of the report by those of the verdict."""
         report = yield
-        if isinstance(item, SuiteItem) and item.told is not None and call.when in ("setup", "call"):
+        if isinstance(item, SuiteItem) and item.finished is not None and call.when in ("setup", "call"):
             if call.when == "call":
-                report.duration = item.told.result.duration
+                report.duration = item.finished.result.duration
             raised = item.raised
             if raised is not None and call.excinfo is not None and call.excinfo.value is raised and not report.skipped:
-                report.longrepr = verdicts.longrepr(item.told, raised)
+                report.longrepr = verdicts.longrepr(item.finished, raised)
         elif isinstance(item, SuiteItem):
-            item.told = item.raised = None  # ten thousand tests stay small
+            item.finished = item.raised = None  # ten thousand tests stay small
         return report
 
     @pytest.hookimpl(wrapper=True, trylast=True)
@@ -69,9 +69,9 @@ class SuiteHooks:
         """End the run after pytest's teardown and before its summary."""
         result = yield
         self._shared.close(session)
-        told = getattr(session.config, "workeroutput", None)
-        if told is not None:
-            told["rtf"] = self._shared.farewell()
+        output = getattr(session.config, "workeroutput", None)
+        if output is not None:
+            output["rtf"] = self._shared.farewell()
         return result
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:

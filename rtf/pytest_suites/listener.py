@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class FinishedTest:
     """What is known of a test that has ended; ``incidents`` are those of fixtures since the test before it."""
 
     result: TestResult
@@ -78,13 +78,13 @@ class Listener(Reporter):
         elif isinstance(event, InternalError):
             self.broken.append(event)
 
-    def take_test(self, test: str) -> Told | None:
+    def take_test(self, test: str) -> FinishedTest | None:
         """Return what was collected of a test, and forget it."""
         result, attempts = self._ended.pop(test, (None, []))
         if result is None or result.last is None:
             return None
         incidents, self._incidents = self._incidents, []
-        return Told(result, result.last, attempts, tuple(incidents))
+        return FinishedTest(result, result.last, attempts, tuple(incidents))
 
     def take_suite_problems(self) -> list[FixtureIncident | Message]:
         """Return the problems of a suite and its fixtures outside of tests since the last call."""

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from rtf.pytest_suites.conductor import Conductor
-    from rtf.pytest_suites.listener import Told
+    from rtf.pytest_suites.listener import FinishedTest
     from rtf.testing.events import Diagnosed
     from rtf.testing.suite.model import TestEntry, TestSuite
 
@@ -99,7 +99,7 @@ class SuiteItem(pytest.Item):
         super().__init__(**others)
         self.test = test
         self.raised: BaseException | None = None
-        self.told: Told | None = None
+        self.finished: FinishedTest | None = None
         self.extra_keyword_matches.add(test.id)
         for tag in dict.fromkeys((*self.suite_file.suite.tags, *test.tags)):
             self._mark(tag)
@@ -126,7 +126,7 @@ class SuiteItem(pytest.Item):
 
     def setup(self) -> None:
         """Start the fixtures of the test. A test that cannot be started fails here."""
-        self.told = self.raised = None
+        self.finished = self.raised = None
         if self.config.getoption("setupplan", False):
             return
         if not self.suite_file.conductor.bring_up(self.suite_file.suite, self.test):
@@ -142,28 +142,28 @@ class SuiteItem(pytest.Item):
         try:
             conductor.run(self.test)
         finally:
-            self.told = shared.listener.take_test(self.test.id)
+            self.finished = shared.listener.take_test(self.test.id)
         if conductor.interrupted:
             self.session.shouldstop = "the run of the robot tests was stopped"
-        told = self.told
-        if told is None:
+        finished = self.finished
+        if finished is None:
             raise RuntimeError(f"the runner said nothing of {self.test.id}")
-        self._conclude(told, shared)
+        self._conclude(finished, shared)
 
-    def _conclude(self, told: Told, shared: SuiteSession) -> None:
+    def _conclude(self, finished: FinishedTest, shared: SuiteSession) -> None:
         assert shared.run_folder is not None
-        when = "call" if told.ended.attempt else "setup"
-        for name, text in texts.sections(told):
+        when = "call" if finished.ended.attempt else "setup"
+        for name, text in texts.sections(finished):
             self.add_report_section(when, name, text)
-        self.user_properties.extend(properties(told, shared.run_folder))
-        self.raised = verdicts.exception_for(told, self.config, anything_red=shared.anything_red)
+        self.user_properties.extend(properties(finished, shared.run_folder))
+        self.raised = verdicts.exception_for(finished, self.config, anything_red=shared.anything_red)
         if self.raised is None:
             try:
-                verdicts.warn_about(self, told)
+                verdicts.warn_about(self, finished)
             except Warning as warning:  # where warnings are errors
                 self.raised = warning
         if self.raised is not None:
-            shared.anything_red |= not told.verdict.good
+            shared.anything_red |= not finished.verdict.good
             raise self.raised
 
 

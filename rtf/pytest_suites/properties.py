@@ -15,30 +15,30 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from rtf.pytest_suites.listener import Told
+    from rtf.pytest_suites.listener import FinishedTest
 
 #: More than these are in the record of the run.
 _LIMIT = 1000
 
 
-def properties(told: Told, run_folder: Path) -> list[tuple[str, str]]:
+def properties(finished: FinishedTest, run_folder: Path) -> list[tuple[str, str]]:
     """The properties of a test that has ended: plain text, which is all that reaches pytest from a worker of xdist."""
-    found = [(name, str(shown(value))) for name, value in _all(told, run_folder) if value]
+    found = [(name, str(shown(value))) for name, value in _all(finished, run_folder) if value]
     if len(found) > _LIMIT:
         found = [*found[:_LIMIT], ("rtf:left out", str(len(found) - _LIMIT))]
     return found
 
 
-def _all(told: Told, run_folder: Path) -> Iterator[tuple[str, str]]:
-    result, ended = told.result, told.ended
+def _all(finished: FinishedTest, run_folder: Path) -> Iterator[tuple[str, str]]:
+    result, ended = finished.result, finished.ended
     yield "rtf:test", result.id
-    yield "rtf:verdict", told.verdict
+    yield "rtf:verdict", finished.verdict
     yield "rtf:reason", ended.reason
     yield "rtf:attempts", str(ended.attempt) if ended.attempt > 1 else ""
     yield "rtf:run", str(run_folder)
-    for fact in told.incidents:
+    for fact in finished.incidents:
         yield "rtf:incident", incident(fact)
-    for event in told.last.events:
+    for event in finished.last.events:
         if isinstance(event, Measured):
             yield from _measurement(event)
         elif isinstance(event, SubResultEnded):

@@ -13,7 +13,7 @@ from rtf.testing.verdict import Verdict
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from rtf.pytest_suites.listener import Told
+    from rtf.pytest_suites.listener import FinishedTest
     from rtf.testing.events import FixtureIncident
     from rtf.testing.report.files import AttemptEvents
     from rtf.testing.results import TestResult
@@ -24,38 +24,40 @@ _SECTION_LIMIT = 256 * 1024
 _CASES = 20
 
 
-def headline(told: Told) -> str:
+def headline(finished: FinishedTest) -> str:
     """Return the line of the short summary for a test that did not pass."""
-    problems = told.last.problems
-    if told.verdict is Verdict.FAILED and problems and problems[0].detail in ("", told.ended.detail):
+    problems = finished.last.problems
+    if finished.verdict is Verdict.FAILED and problems and problems[0].detail in ("", finished.ended.detail):
         first = problems[0]
         return one_line(": ".join(part for part in (first.subject, first.detail or first.title) if part))
-    said = one_line(_last_word(told))
-    return said if told.verdict is Verdict.FAILED else f"{told.verdict}: {said}"
+    said = one_line(_last_word(finished))
+    return said if finished.verdict is Verdict.FAILED else f"{finished.verdict}: {said}"
 
 
-def explanation(told: Told) -> str:
+def explanation(finished: FinishedTest) -> str:
     """Return the text of the failure of a test."""
-    said = _last_word(told)
+    said = _last_word(finished)
     # What the runner itself noted is its last word, too.
-    parts = [problem_text(message) for message in told.last.problems if message.file or message.detail != said]
-    if told.verdict is not Verdict.FAILED:
-        parts.insert(0, f"{told.verdict}: {said}")
+    parts = [problem_text(message) for message in finished.last.problems if message.file or message.detail != said]
+    if finished.verdict is not Verdict.FAILED:
+        parts.insert(0, f"{finished.verdict}: {said}")
     elif not any(said in part for part in parts):
         parts.insert(0, said)
-    parts += _parts_not_passed(told)
-    parts += [f"{case.name}: {case.verdict}: {_problem_of(case)}" for case in told.bad_cases[:_CASES]]
-    parts += [f"{event.cause}:\n{event.text.rstrip()}" for event in told.last.events if isinstance(event, StackDumped)]
-    parts += [incident_text(event) for event in told.incidents]
+    parts += _parts_not_passed(finished)
+    parts += [f"{case.name}: {case.verdict}: {_problem_of(case)}" for case in finished.bad_cases[:_CASES]]
+    parts += [
+        f"{event.cause}:\n{event.text.rstrip()}" for event in finished.last.events if isinstance(event, StackDumped)
+    ]
+    parts += [incident_text(event) for event in finished.incidents]
     return "\n\n".join(cut(shown(part), _SECTION_LIMIT) for part in parts)
 
 
-def _last_word(told: Told) -> str:
-    if told.ended.verdict.good and told.bad_cases:
-        names = ", ".join(case.planned.case for case in told.bad_cases[:_CASES])
-        more = " …" if len(told.bad_cases) > _CASES else ""
-        return f"{len(told.bad_cases)} of {len(told.result.cases)} cases did not pass: {names}{more}"
-    return (told.ended.detail or told.ended.reason or told.verdict).strip("\n")
+def _last_word(finished: FinishedTest) -> str:
+    if finished.ended.verdict.good and finished.bad_cases:
+        names = ", ".join(case.planned.case for case in finished.bad_cases[:_CASES])
+        more = " …" if len(finished.bad_cases) > _CASES else ""
+        return f"{len(finished.bad_cases)} of {len(finished.result.cases)} cases did not pass: {names}{more}"
+    return (finished.ended.detail or finished.ended.reason or finished.verdict).strip("\n")
 
 
 def _problem_of(case: TestResult) -> str:
@@ -63,23 +65,23 @@ def _problem_of(case: TestResult) -> str:
     return said or (case.last.detail if case.last else "")
 
 
-def where(told: Told) -> tuple[str, int]:
+def where(finished: FinishedTest) -> tuple[str, int]:
     """Return file and line of the first problem, or of the test in its suite."""
-    for message in told.last.problems:
+    for message in finished.last.problems:
         if message.file and message.line:
             return message.file, message.line
-    return told.result.planned.file, told.result.planned.line
+    return finished.result.planned.file, finished.result.planned.line
 
 
-def sections(told: Told) -> Iterator[tuple[str, str]]:
+def sections(finished: FinishedTest) -> Iterator[tuple[str, str]]:
     """Return messages, measurements and output by the name of the section, without empty ones."""
     parts = {
-        "log": _lines(_log(told.last)),
-        "stdout": _output(told.last, "stdout"),
-        "stderr": _output(told.last, "stderr"),
-        "sub-results": _lines(_subresults(told.last)),
-        "earlier attempts": _lines(earlier_attempt(attempt) for attempt in told.earlier),
-        "fixture incidents": _lines(incident_text(event) for event in told.incidents),
+        "log": _lines(_log(finished.last)),
+        "stdout": _output(finished.last, "stdout"),
+        "stderr": _output(finished.last, "stderr"),
+        "sub-results": _lines(_subresults(finished.last)),
+        "earlier attempts": _lines(earlier_attempt(attempt) for attempt in finished.earlier),
+        "fixture incidents": _lines(incident_text(event) for event in finished.incidents),
     }
     for name, text in parts.items():
         if text:
@@ -100,8 +102,8 @@ def earlier_attempt(attempt: AttemptEvents) -> str:
     return "\n".join([f"attempt {number}: {said}", *(f"  {sentence(message)}" for message in attempt.problems)])
 
 
-def _parts_not_passed(told: Told) -> list[str]:
-    parts = [event for event in told.last.events if isinstance(event, SubResultEnded)]
+def _parts_not_passed(finished: FinishedTest) -> list[str]:
+    parts = [event for event in finished.last.events if isinstance(event, SubResultEnded)]
     bad = [event.subject for event in parts if not event.verdict.good]
     return [f"{len(bad)} of {len(parts)} sub-results did not pass: {', '.join(bad)}"] if bad else []
 

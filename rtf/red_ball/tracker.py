@@ -86,7 +86,7 @@ class Tracker:
         self._lefts: deque[_Picture] = deque(maxlen=_KEPT)
         self._rights: deque[_Picture] = deque(maxlen=_KEPT)
         self._done = -np.inf  # the time of the latest picture that was evaluated
-        self._said = ""
+        self._reported = ""
         with ExitStack() as opened:
             self._data = opened.enter_context(BufferedPort(f"{name}/data:o", VECTOR, network=network, inputs=False))
             self._shown = opened.enter_context(BufferedPort(f"{name}/video:o", IMAGE, network=network, inputs=False))
@@ -176,9 +176,9 @@ class Tracker:
     def _say(self, problem: str) -> None:
         """Report a problem when it begins."""
         kind = problem.partition(":")[0]
-        if kind and kind != self._said:
+        if kind and kind != self._reported:
             self._network.report(problem)
-        self._said = kind
+        self._reported = kind
 
 
 def _picture(delivery: IncomingMessage) -> _Picture:

@@ -101,7 +101,7 @@ class ExtendedState:
         self.modes: Final[NDArray[np.int32]] = np.ndarray(
             (2, axes), _INTEGER, self._memory, at_modes, (_AROUND + 4 * axes, 4)
         )
-        self._told = b""  # the validity words that the memory holds
+        self._written_valid = b""  # the validity words that the memory holds
         self._images: dict[Dialect, _Image] = {}
 
     joint_positions = _row(Field.JOINT_POSITIONS)
@@ -139,10 +139,10 @@ class ExtendedState:
         """Encode the state. For one thread at a time."""
         if dialect != _YARP3:
             return self._write_converted(dialect)
-        told = self.valid.tobytes()
-        if told != self._told:
-            _tell_valid(self._memory, _layout(dialect, self.axes), self.valid)
-            self._told = told
+        valid = self.valid.tobytes()
+        if valid != self._written_valid:
+            _write_valid(self._memory, _layout(dialect, self.axes), self.valid)
+            self._written_valid = valid
         return bytes(self._memory)
 
     def _write_converted(self, dialect: Dialect) -> bytes:
@@ -150,7 +150,7 @@ class ExtendedState:
         with np.errstate(**_SILENT):
             for there, here in image.links:
                 there[...] = here
-        _tell_valid(image.memory, image.layout, self.valid)
+        _write_valid(image.memory, image.layout, self.valid)
         return bytes(image.memory)
 
     def take(self, data: Buffer) -> int:
@@ -170,7 +170,7 @@ class ExtendedState:
             self.valid[: layout.fields] = np.frombuffer(frame, _INTEGER, -1, len(layout.fixed_bytes)) == _OK
         else:
             raise BottleError(f"the fields of a state of {axes} axes are not all of this size and type")
-        self._told = b""
+        self._written_valid = b""
         if dialect == Dialect.YARP3:
             self._memory[:] = data[:size]
         else:
@@ -238,7 +238,7 @@ class _Image(NamedTuple):
     links: list[tuple[NDArray[Any], NDArray[Any]]]
 
 
-def _tell_valid(memory: bytearray, layout: _Layout, valid: NDArray[np.bool_]) -> None:
+def _write_valid(memory: bytearray, layout: _Layout, valid: NDArray[np.bool_]) -> None:
     """Write the validity words into a message."""
     words = _WORDS[valid[: layout.fields].view(np.uint8)]
     np.frombuffer(memory, np.uint8)[layout.frame[len(layout.fixed_bytes) :]] = words.view(np.uint8)

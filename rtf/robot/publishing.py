@@ -73,7 +73,7 @@ class PeriodicPublishing:
         self.period = publisher.period
         self.publisher = publisher
         self._report = report
-        self._said = ""
+        self._reported = ""
         self._ended = threading.Event()
         time = clock.current()
         self._leave = time.publish_regularly(self) if isinstance(time, PublishingClock) else self._start(name)
@@ -109,8 +109,8 @@ class PeriodicPublishing:
             self.publisher.publish(now)
         except Exception as error:  # noqa: BLE001 - the next period may succeed, and the error is reported
             sentence = f"{type(error).__name__}: {error}"
-            if sentence != self._said:
-                self._said = sentence
+            if sentence != self._reported:
+                self._reported = sentence
                 self._report(sentence)
 
     def stop(self) -> None:

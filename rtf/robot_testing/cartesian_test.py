@@ -99,10 +99,10 @@ class CartesianTest(TaskTest[ICartesianControl]):
 
     def _find_limb(self) -> Limb:
         """Return the chain of the version that the controller names, on the parts of its joints."""
-        told = self.told()
+        info = self.controller_info()
         robot = robot_model(self)
         try:
-            chain = robot_chains(robot).chain(f"{self.arm}_arm", told.get("arm_version", "1.0"))
+            chain = robot_chains(robot).chain(f"{self.arm}_arm", info.get("arm_version", "1.0"))
             names = list(dict.fromkeys(robot.axis(joint).part for joint in chain.joints))
         except (RobotModelError, RefusedError) as error:
             self.assert_error(f"the kinematics of the {self.arm} arm are needed: {error}")
@@ -122,10 +122,13 @@ class CartesianTest(TaskTest[ICartesianControl]):
         """Judge the limits that the controller keeps to at its start: those of the boards."""
         low, high = self.limb.limits
         with self.asking():
-            told = [self.control.limits(joint) for joint in range(len(self.limb.chain))]
+            reported = [self.control.limits(joint) for joint in range(len(self.limb.chain))]
         for joint, name in enumerate(self.limb.chain.joints):
             with self.subresult(name):
-                for what, value, own in (("lower", told[joint][0], low[joint]), ("upper", told[joint][1], high[joint])):
+                for what, value, own in (
+                    ("lower", reported[joint][0], low[joint]),
+                    ("upper", reported[joint][1], high[joint]),
+                ):
                     self.check_fail_if_false(
                         abs(value - own) <= _SAME_LIMIT,
                         f"{name}: the {what} limit of {self.remote} is {value:.1f} deg, that of its board "

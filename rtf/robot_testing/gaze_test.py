@@ -39,14 +39,14 @@ _REST = 0.8
 class Look(NamedTuple):
     """A recorded motion: its point, when it was done (s from its start; infinite if it was not), and its samples.
 
-    ``told`` (samples, 3) are the fixation points by the controller, ``joints`` (samples, 9) positions of torso and
+    ``reported`` (samples, 3) are the fixation points by the controller, ``joints`` (samples, 9) positions of torso and
     head (deg), of which ``wanted`` (6,) has where the controller wants the head.
     """
 
     point: FloatArray
     done: float
     times: FloatArray
-    told: FloatArray
+    reported: FloatArray
     joints: FloatArray
     wanted: FloatArray
 
@@ -89,7 +89,7 @@ class GazeTest(TaskTest[IGazeControl]):
 
     def _find_joints(self) -> None:
         """Find the chains of the version that the controller names, and the parts of their joints."""
-        version = self.told().get("head_version", "1.0")
+        version = self.controller_info().get("head_version", "1.0")
         robot = robot_model(self)
         try:
             tables = robot_chains(robot)
@@ -138,8 +138,8 @@ class GazeTest(TaskTest[IGazeControl]):
                 if math.isinf(done) and passed > _FIRST and self.control.motion_done():
                     done = self.now() - begin
             wanted = self.control.desired()
-        times, told, joints = (np.array(column) for column in zip(*samples, strict=True))
-        return Look(point, done, times, told, joints, wanted)
+        times, reported, joints = (np.array(column) for column in zip(*samples, strict=True))
+        return Look(point, done, times, reported, joints, wanted)
 
     # Judging ---------------------------------------------------------------------------------------------------------
 
@@ -155,9 +155,9 @@ class GazeTest(TaskTest[IGazeControl]):
         hint = f"the motion was done after {found.done:.2f} s; {likely_causes('reach time')}"
         most = self.latest if not self.busy() else None
         self.measure("duration", found.done, "s", high=most, hint=hint)
-        pairs = zip(found.told, found.joints, strict=True)
-        apart = np.array([self._apart(told, positions) for told, positions in pairs])
-        hint = f"{self.remote} tells another fixation point than the encoders and tables of the robot"
+        pairs = zip(found.reported, found.joints, strict=True)
+        apart = np.array([self._apart(reported, positions) for reported, positions in pairs])
+        hint = f"{self.remote} reports another fixation point than the encoders and tables of the robot"
         hint = f"{hint}; {likely_causes('gaze')}"
         self.measure("controller from encoders", float(apart[-1]), "deg", high=self.frame, hint=hint)
         self.measure("greatest difference on the way", float(apart.max()), "deg")
@@ -166,12 +166,12 @@ class GazeTest(TaskTest[IGazeControl]):
         """Return the greater angle (deg) between an eye and a point."""
         return max(_angle(pose[:3, 2], point - pose[:3, 3]) for pose in self.eyes.poses(positions))
 
-    def _apart(self, told: FloatArray, positions: FloatArray) -> float:
+    def _apart(self, reported: FloatArray, positions: FloatArray) -> float:
         """Return the angle (deg) between the fixation points by the controller and by the encoders, from the head."""
         seen = positions.copy()
         seen[-1] = max(seen[-1], self.eyes.smallest)
         head = self.eyes.head_pose(seen)[:3, 3]
-        return _angle(told - head, self.eyes.fixation_point(seen) - head)
+        return _angle(reported - head, self.eyes.fixation_point(seen) - head)
 
     def _judge_encoders(self, found: Look, traces: list[tuple[Part, Trace]]) -> None:
         """Judge the encoders after a motion."""
@@ -207,10 +207,10 @@ class GazeTest(TaskTest[IGazeControl]):
         first = len(self.eyes.head) - 3
         for axis, name, (part, number) in zip(_AXES, self.limb.joints[first:], self.limb.places[first:], strict=False):
             with self.asking():
-                told = self.control.neck_range(axis)
+                reported = self.control.neck_range(axis)
             own = part.low[number], part.high[number]
             with self.subresult(name):
-                for what, value, limit in zip(("lower", "upper"), told, own, strict=True):
+                for what, value, limit in zip(("lower", "upper"), reported, own, strict=True):
                     self.check_fail_if_false(
                         abs(value - limit) <= _SAME_LIMIT,
                         f"{name}: the {what} limit of {self.remote} is {value:.1f} deg, that of its board "

@@ -71,7 +71,7 @@ class TaskTest(RobotTest, Generic[C]):
         self.add_cleanup(made.close)
         return made
 
-    def told(self) -> dict[str, str]:
+    def controller_info(self) -> dict[str, str]:
         """Return what the controller says of itself, by keys such as ``arm_version``."""
         with self.asking():
             pairs = [as_list(one) for one in self.control.info()]

@@ -50,7 +50,7 @@ class RobotBridge:
         self._parts: dict[str, PartStates] = {}
         self._opened = ExitStack()
         self._over = threading.Event()
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
         self._states = topics.joint_states("joint_states")
         self._clock = None if isinstance(clock.current(), clock.SystemClock) else topics.times("/clock")
         self._thread = threading.Thread(target=self._run, name="rtf-ros", daemon=True)
@@ -97,7 +97,7 @@ class RobotBridge:
             try:
                 publish(read(message, source, frame))
             except RosError as error:
-                self._tell(str(error))
+                self._report_once(str(error))
 
         port = self._opened.enter_context(Port(f"{self._ports}/{name}", pass_on, network=self._network, outputs=False))
         remote.connect(self._network, Contact(source), Contact(port.name), "tcp")
@@ -125,13 +125,13 @@ class RobotBridge:
         """Do something whose error is reported once, until it works again."""
         try:
             work()
-            self._told.discard(what)
+            self._reported.discard(what)
         except RtfError as error:
-            if what not in self._told:
-                self._told.add(what)
+            if what not in self._reported:
+                self._reported.add(what)
                 self._network.report(f"{what} is not published: {error}")
 
-    def _tell(self, text: str) -> None:
-        if text not in self._told:
-            self._told.add(text)
+    def _report_once(self, text: str) -> None:
+        if text not in self._reported:
+            self._reported.add(text)
             self._network.report(text)

@@ -1,4 +1,4 @@
-"""What a node has told its master, and tells it again when the master was lost."""
+"""What a node has registered with its master, and registers again when the master was lost."""
 
 from __future__ import annotations
 

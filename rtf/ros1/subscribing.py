@@ -78,8 +78,8 @@ class Subscription:
             try:
                 callback(message)
             except Exception as error:  # noqa: BLE001 - the connection goes on
-                told = type(error), error, error.__traceback__, threading.current_thread()
-                threading.excepthook(threading.ExceptHookArgs(told))
+                details = type(error), error, error.__traceback__, threading.current_thread()
+                threading.excepthook(threading.ExceptHookArgs(details))
 
 
 class _Source:
@@ -91,7 +91,7 @@ class _Source:
         self._over = threading.Event()
         self._lock = threading.Lock()
         self._stream: Stream | None = None
-        self._told = ""
+        self._reported = ""
         self._thread = threading.Thread(target=self._run, name=f"rtf-ros1 {owner.topic}", daemon=True)
         self._thread.start()
 
@@ -110,7 +110,7 @@ class _Source:
             try:
                 self._follow()
             except (RtfError, OSError, UnicodeError) as error:
-                self._tell(f"{self._owner.topic} of {self._uri}: {error}")
+                self._report_once(f"{self._owner.topic} of {self._uri}: {error}")
             pause = _SOON if self.connected else min(2 * pause, _LATER)
             self.connected = False
             self._over.wait(pause)
@@ -121,7 +121,7 @@ class _Source:
         try:
             kind = self._agree(stream)
             self.connected = True
-            self._told = ""
+            self._reported = ""
             self._deliver_all(stream, kind)
         finally:
             with self._lock:
@@ -143,7 +143,7 @@ class _Source:
             try:
                 message = kind.decode(bytes(data) if len(data) <= CHUNK else data)
             except MessageError as error:
-                self._tell(f"{self._owner.topic} of {self._uri}: {error}")
+                self._report_once(f"{self._owner.topic} of {self._uri}: {error}")
                 continue
             del data  # so that its memory may be used again
             self._owner.deliver(message)
@@ -189,8 +189,8 @@ class _Source:
             raise PeerError(f"it sends {header.get('type', '')[:80]} ({theirs[:40]}), not {kind.name} ({kind.md5sum})")
         return kind
 
-    def _tell(self, sentence: str) -> None:
+    def _report_once(self, sentence: str) -> None:
         """Say what is wrong, once until something else is."""
-        if sentence != self._told and not self._over.is_set():
-            self._told = sentence
+        if sentence != self._reported and not self._over.is_set():
+            self._reported = sentence
             self._owner.report(sentence)

@@ -96,8 +96,8 @@ class _HttpServer(ThreadingHTTPServer):
         """Report an error like that of any thread; a caller that has gone while it was answered is none."""
         error = sys.exc_info()[1]
         if error is not None and not isinstance(error, OSError):
-            told = type(error), error, error.__traceback__, threading.current_thread()
-            threading.excepthook(threading.ExceptHookArgs(told))
+            details = type(error), error, error.__traceback__, threading.current_thread()
+            threading.excepthook(threading.ExceptHookArgs(details))
 
 
 class _Handler(BaseHTTPRequestHandler):

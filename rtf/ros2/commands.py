@@ -67,7 +67,7 @@ class CommandedPart:
         self._command: Command | None = None
         self._changed = threading.Condition()
         self._closed = False
-        self._said = ""
+        self._reported = ""
         self._mode: ControlMode | None = None
         self._stops = 0  # of calls; a mode that was entered during one is not the board's any more
         self._setpoint, self._sent_at = board.encoders(), 0.0
@@ -118,7 +118,7 @@ class CommandedPart:
             self._check_owner(source)
             command = read()
         except Ros2Error as error:
-            self._tell(str(error))
+            self._report_once(str(error))
             return
         with self._changed:
             self._command = command
@@ -176,9 +176,9 @@ class CommandedPart:
                 return
             try:
                 self._obey(command)
-                self._said = ""
+                self._reported = ""
             except RtfError as error:
-                self._tell(str(error))
+                self._report_once(str(error))
                 self._finish(command)
 
     def _obey(self, command: Command) -> None:
@@ -243,8 +243,8 @@ class CommandedPart:
             if self._command is command:
                 self._command = None
 
-    def _tell(self, sentence: str) -> None:
+    def _report_once(self, sentence: str) -> None:
         """Report why a command is not obeyed, the same reason once."""
-        if sentence != self._said:
-            self._said = sentence
+        if sentence != self._reported:
+            self._reported = sentence
             self._report(f"{self.name}: a command is not obeyed: {sentence}")

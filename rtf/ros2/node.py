@@ -127,7 +127,7 @@ class Node:
             self._graph = DataWriter(self._participant, graph, qos=default_qos(depth=1, latched=True))
         except DDSException as error:
             raise Ros2Error(f"the DDS of domain {self.domain} cannot be opened: {error}") from None
-        self._tell()
+        self._publish_entities()
 
     def publisher(self, topic: str, kind: type[M], qos: Qos | None = None) -> Publisher[M]:
         """Return a publisher. Raises Ros2Error for a name that is none."""
@@ -182,7 +182,7 @@ class Node:
             services, self._services = self._services, []
         for service in services:
             service.close()
-        self._tell(gone=True)
+        self._publish_entities(gone=True)
         for entity in (*entities, self._graph, self._participant):
             entity.set_listener(None)
             entity.__del__()  # the only way to end it while it is referred to; children come before parents
@@ -217,9 +217,9 @@ class Node:
             self._listeners.append(listener)
             self._writers += writers
             self._readers += readers
-        self._tell()
+        self._publish_entities()
 
-    def _tell(self, *, gone: bool = False) -> None:
+    def _publish_entities(self, *, gone: bool = False) -> None:
         """Publish what the node has."""
         with self._lock:
             node = NodeEntities(self.namespace, self.name, [*map(_gid, self._readers)], [*map(_gid, self._writers)])

@@ -193,7 +193,7 @@ class Motors:
     # What the boards measure --------------------------------------------------------------------------------------
 
     def duties(self, powered: FloatArray) -> FloatArray:
-        """Return the duty cycles that the amplifiers were told in the last step (per cent); 0 of those without power.
+        """Return the commanded duty cycles of the amplifiers in the last step (per cent); 0 of those without power.
 
         One that controls its current raises it until the current flows, and to the limit if none can.
         """

@@ -94,7 +94,7 @@ class _Program:
             try:
                 robot = self._start(opened)
                 if not self._end.is_set():
-                    self._tell_ready(robot, opened)
+                    self._announce_ready(robot, opened)
             except (RtfError, OSError) as error:
                 say(f"FAILED: {self._settings.name} could not be started: {error}")
                 return FAILED
@@ -135,7 +135,7 @@ class _Program:
         last.callback(service.close)
         return robot
 
-    def _tell_ready(self, robot: SimulatedRobot, opened: ExitStack) -> None:
+    def _announce_ready(self, robot: SimulatedRobot, opened: ExitStack) -> None:
         """Print the ports and READY, and write the ready file if one was requested."""
         settings, name, streams = self._settings, robot.name, robot.outlets.by_name
         rpc = REQUESTS[robot.network.dialect]

@@ -56,7 +56,7 @@ class Broadcast:
         self._lock = threading.RLock()
         self._seq = 0
         self._no_room: set[int | None] = set()
-        self._told_of_room: InternalError | None = None
+        self._no_room_problem: InternalError | None = None
 
     def replay(self, events: Iterable[Event]) -> None:
         """Pass on events that are in the journal already, and go on counting after them."""
@@ -82,7 +82,7 @@ class Broadcast:
             self._seq += 1
             event = event.with_seq(self._seq)
             problem = self._write(event)
-            if problem is not None and event is self._told_of_room:  # what the journal says of the full disk is enough
+            if problem is not None and event is self._no_room_problem:  # it is in the journal already
                 event, problem = problem.with_seq(self._seq), None
             self._pass_on(event)
         if problem is not None:
@@ -121,7 +121,7 @@ class Broadcast:
         try:
             self._journal.append(event)
         except JournalError as error:
-            # The run goes on for the reporters' sake; the exit code and the console tell.
+            # The run goes on for the reporters' sake; the exit code and the console show the problem.
             self._journal.close_quietly()
             self._journal = None
             self._no_room.add(error.errno)
@@ -140,8 +140,8 @@ class Broadcast:
         text = f"reporter {name} broke and is left out: {type(error).__name__}: {error}"
         if isinstance(error, OSError) and number in _NO_ROOM:
             self._no_room.add(number)
-            self._told_of_room = InternalError(text=f"{text}; {_NO_ROOM[number]}")
-            self.emit(self._told_of_room)
+            self._no_room_problem = InternalError(text=f"{text}; {_NO_ROOM[number]}")
+            self.emit(self._no_room_problem)
             return
         bounded_by_us = isinstance(error, TimeoutError) and error.errno is None
         trace = "" if bounded_by_us else "".join(traceback.format_exception(error))

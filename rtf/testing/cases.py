@@ -37,14 +37,14 @@ class _CaseTest:
     """One case: its results in the runs of this attempt, and its bad verdicts in earlier attempts."""
 
     id: str
-    told: list[Case] = field(default_factory=list)
+    results: list[Case] = field(default_factory=list)
     before: list[Verdict] = field(default_factory=list)
     final: bool = False
 
     @property
     def outcome(self) -> Case:
         """Return the worst of this attempt's runs."""
-        return next((case for verdict in _WORST for case in self.told if case.verdict is verdict), self.told[-1])
+        return next((case for verdict in _WORST for case in self.results if case.verdict is verdict), self.results[-1])
 
 
 def planned_case(program: TestPlanned, test: str, name: str, file: str = "", line: int = 0) -> TestPlanned:
@@ -110,7 +110,7 @@ class CaseTests:
             test = self._tests[case.name] = _CaseTest(self._ids.of(case.name))
             self._emit(planned_case(self._program, test.id, case.name, case.file, case.line))
         if test is not None and not test.final:
-            test.told.append(case)
+            test.results.append(case)
             self.any_bad = self.any_bad or not case.verdict.good
             if self._live:
                 self._end(test, Verdict.PASSED, "", final=True)
@@ -123,14 +123,14 @@ class CaseTests:
         """
         only_cases = again and outcome.good
         for test in self._tests.values():
-            if test.told and not test.final:
+            if test.results and not test.final:
                 self._end(test, outcome, detail, final=not again or (only_cases and test.outcome.verdict.good))
         self._limited = self._limited or only_cases
         if not again:
             self.give_up(
                 outcome if outcome in _SHARED else Verdict.ERROR,
                 "missing",
-                "the program told nothing of this case" + (f" this time: {detail}" if detail else ""),
+                "the program did not report this case" + (f" this time: {detail}" if detail else ""),
             )
 
     def give_up(self, verdict: Verdict, reason: str, detail: str) -> None:
@@ -151,9 +151,9 @@ class CaseTests:
         if program is Verdict.FIXTURE_LOST:
             outcome, detail = program, f"{why}; the case itself had come to: {case.verdict}"
         self._emit(TestStarted(time=case.time - case.duration, test=test.id, attempt=self._attempt))
-        for told in test.told:
-            for message in told.messages:
-                self._emit(replace(message, seq=0, test=test.id, suite="", fixture="", subject=told.subject))
+        for result in test.results:
+            for message in result.messages:
+                self._emit(replace(message, seq=0, test=test.id, suite="", fixture="", subject=result.subject))
         ended = TestEnded(
             time=case.time,
             test=test.id,
@@ -163,11 +163,11 @@ class CaseTests:
             final=final,
             reason="" if outcome.good else _REASONS.get(outcome, "error"),
             detail=detail,
-            duration=sum(told.duration for told in test.told),
+            duration=sum(one.duration for one in test.results),
         )
         if outcome in (Verdict.FAILED, Verdict.ERROR):
             test.before.append(outcome)
-        test.told.clear()
+        test.results.clear()
         self._emit_end(test, ended)
 
     def _emit_end(self, test: _CaseTest, ended: TestEnded) -> None:

@@ -112,7 +112,7 @@ class TestPlanned(Event, tag="test_planned", frozen=True, kw_only=True):
 
     ``fingerprint`` is another one when the suite says something else of the test: parameters, environment, fixtures.
 
-    The cases that a program reports are tests, too. Each is planned when the program first tells of it, or in advance
+    The cases that a program reports are tests, too. Each is planned when the program first reports it, or in advance
     where only some are run: then ``cases`` of the program has their ids. ``parent`` is the id of the case's program and
     ``case`` the name that this gives the case.
     """

@@ -276,15 +276,15 @@ def results_of(path: Path) -> RunResult:
     return RunResult.of(as_one_run(path))
 
 
-def cases_told(runs: Path, programs: Collection[str]) -> dict[str, dict[str, str]]:
+def reported_cases(runs: Path, programs: Collection[str]) -> dict[str, dict[str, str]]:
     """Return the cases of programs, their names by their ids, as the last runs in this folder reported them.
 
     A run that was limited to some cases of a program does not have all of them; one before it may.
     """
-    told: dict[str, dict[str, str]] = {}
+    cases: dict[str, dict[str, str]] = {}
     missing = set(programs)
     if not missing:
-        return told
+        return cases
     folders = sorted((path for path in runs.glob("*") if path.is_dir() and not path.is_symlink()), reverse=True)
     for folder in folders[:_LOOKED_AT]:
         try:
@@ -293,11 +293,11 @@ def cases_told(runs: Path, programs: Collection[str]) -> dict[str, dict[str, str
             continue
         for event in planned:
             if event.parent in missing:
-                told.setdefault(event.parent, {})[event.test] = event.case
+                cases.setdefault(event.parent, {})[event.test] = event.case
         missing.difference_update(event.test for event in planned if not event.cases)
         if not missing:
             break
-    return told
+    return cases
 
 
 def _one_part(events: Iterable[Event], parts: _Parts) -> Iterator[Event]:

@@ -1,7 +1,7 @@
 """From suite files and plug-in names to a plan: which tests will run, in which order, with which plug-in files.
 
 A test or fixture whose plug-in cannot be found stays in the plan with the reason, so that no report can lose it.
-Plug-ins are described by their text; only a plug-in whose text does not tell whether it has a matrix or several classes
+Plug-ins are described by their text; only a plug-in whose text leaves open whether it has a matrix or several classes
 is loaded, in an isolated child.
 """
 

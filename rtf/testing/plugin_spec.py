@@ -108,7 +108,7 @@ class ParameterSpec(msgspec.Struct, frozen=True, kw_only=True):
 class PluginSpec(msgspec.Struct, frozen=True, kw_only=True):
     """What is known of a plug-in.
 
-    ``safety`` is a word in small letters, empty if the plug-in declares none, and None if the text does not tell;
+    ``safety`` is a word in small letters, empty if the plug-in declares none, and None if the text leaves it open;
     ``occupies`` is None likewise. It is ``complete`` unless the text leaves open what the planner has to know. A file
     with several test classes, of which none is named, has them in ``classes`` and nothing else.
     """
@@ -176,7 +176,7 @@ def make_spec(
         description=description,
         tags=as_strings(tags),
         requires=as_strings(requires),
-        # A limit that is no number is the author's error, which loading the test tells.
+        # A limit that is no number is the author's error, which loading the test reports.
         timeout=float(timeout) if isinstance(timeout, int | float) and not math.isnan(timeout) else None,
         occupies=None if occupies is UNCERTAIN else occupies if isinstance(occupies, str) else "",
         safety=None if safety is UNCERTAIN else "" if safety is ABSENT else _word_of(safety),

@@ -90,7 +90,7 @@ class Series:
         self._subject = session.subject
         self._units = tuple({"name": column, "unit": str(unit(symbol))} for column, symbol in units.items())
         self._columns = {column: array("d") for column in units}
-        self._told = 0
+        self._sent = 0
         self._next = clock.monotonic()
         self._path: Path | None = None
 
@@ -105,7 +105,7 @@ class Series:
         for column, value in zip(self._columns.values(), row, strict=True):
             column.append(value)
         if clock.monotonic() >= self._next:
-            self._tell()
+            self._send_samples()
 
     def close(self) -> Path | None:
         """Keep the series; returns its file, or None when nothing was appended. Closing again changes nothing."""
@@ -138,11 +138,11 @@ class Series:
         )
         return path
 
-    def _tell(self) -> None:
+    def _send_samples(self) -> None:
         end = len(self)
-        step = max(1, -(-(end - self._told) // _POINTS))
-        samples = tuple(tuple(column[self._told : end : step]) for column in self._columns.values())
-        self._told = end
+        step = max(1, -(-(end - self._sent) // _POINTS))
+        samples = tuple(tuple(column[self._sent : end : step]) for column in self._columns.values())
+        self._sent = end
         self._next = clock.monotonic() + _PAUSE
         self._session.emit(
             SeriesSampled(

@@ -295,7 +295,11 @@ class RunResult:
         planned = {test.id: test.planned.fingerprint for test in self.tests.values() if not test.planned.parent}
         added = [test for test in fingerprints if test not in planned and self.plan_is_whole]
         removed = [*planned.keys() - fingerprints.keys(), *self.suites.keys() - set(suites)]
-        changed = [test for test, told in planned.items() if told and fingerprints.get(test, told) != told]
+        changed = [
+            test
+            for test, fingerprint in planned.items()
+            if fingerprint and fingerprints.get(test, fingerprint) != fingerprint
+        ]
         if not (added or removed or changed):
             return None
         return PlanChanged(added=tuple(added), removed=tuple(sorted(removed)), changed=tuple(changed))

@@ -28,7 +28,7 @@ MAX_DEPTH = 50
 MAX_LENGTH = 10_000
 
 _TOKEN = re.compile(r"""[()]|"[^"]*"|'[^']*'|[^\s()"']+|["']""")
-#: The characters that each token has in what Python parses: its columns then tell the token.
+#: The characters that each token has in what Python parses: its columns then give the token.
 _WIDTH = 4
 _RULE = f"an expression is words joined by 'and', 'or', 'not' and brackets, at most {MAX_DEPTH} deep"
 

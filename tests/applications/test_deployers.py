@@ -303,7 +303,7 @@ def test_machine_with_another_key_is_refused(server: SshServer):
         server.write_config()
 
 
-def test_user_without_a_key_is_told_of_the_agent(server: SshServer):
+def test_error_without_a_key_names_the_agent(server: SshServer):
     """A key that the machine does not accept, and a machine that does not answer."""
     keep = (server.files / "id_ed25519").read_bytes()
     asyncssh.generate_private_key("ssh-ed25519").write_private_key(server.files / "id_ed25519")
@@ -321,12 +321,12 @@ def test_user_without_a_key_is_told_of_the_agent(server: SshServer):
 
 def error_of(asking: Callable[[], object]) -> Callable[[], str]:
     """Ask in a thread of its own. Returns a function that waits for the error of that, and returns its text."""
-    told: list[str] = []
+    reported: list[str] = []
 
     def ask() -> None:
         with pytest.raises(DeployerError) as caught:
             asking()
-        told.append(str(caught.value))
+        reported.append(str(caught.value))
 
     thread = threading.Thread(target=ask, daemon=True)
     thread.start()
@@ -334,7 +334,7 @@ def error_of(asking: Callable[[], object]) -> Callable[[], str]:
     def text() -> str:
         thread.join(5.0)
         assert not thread.is_alive()
-        return told[0]
+        return reported[0]
 
     return text
 
@@ -415,7 +415,7 @@ def test_scripts_refuse_what_is_no_start():
             start_script(request, "TOKEN")
 
 
-def test_missing_package_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+def test_missing_package_is_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     """The error has the line that installs it."""
     monkeypatch.delitem(sys.modules, "rtf.applications.ssh.deployer")
     monkeypatch.delitem(sys.modules, "rtf.applications.ssh.connection")

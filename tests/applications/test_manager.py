@@ -117,7 +117,7 @@ def test_application_needs_its_ports(tmp_path: Path):
         assert run.states() == [State.STOPPED]
 
 
-def test_rules_of_arbitrators_are_told_of(tmp_path: Path):
+def test_rules_of_arbitrators_are_reported(tmp_path: Path):
     """They are not applied, so every connection to their port delivers: a run says so."""
     rule = "<arbitrator><port>/b</port><rule connection='/a'>e_quiet</rule></arbitrator>"
     with lab(application(tmp_path, module("sleep", "60") + rule)) as run:
@@ -133,7 +133,7 @@ def test_modules_in_a_circle_are_refused(tmp_path: Path):
         pass
 
 
-def test_module_that_dies_is_told_with_its_last_output(tmp_path: Path):
+def test_module_that_dies_is_reported_with_its_last_output(tmp_path: Path):
     """So is how it ended; on nodes of RTF as well as here. What steers a terminal is left out."""
     content = "".join(
         shell(tmp_path, name, "printf 'no \\033camera\\n'; kill -9 $$", node=node)

@@ -23,7 +23,7 @@ def test_shipped_table_replaces_programs_of_the_icub():
     assert "--state-rate 50 --camera-rate 60" in found.module.command
     assert (found.module.ready, found.provides["YARP_ROBOT_NAME"]) == ("/icubSim/simulator/rpc:i", "icubSim")
     assert str(found.module) == "iCub_SIM"
-    assert found.told.startswith("iCub_SIM is replaced by: rtf simulator --model icub")
+    assert found.message.startswith("iCub_SIM is replaced by: rtf simulator --model icub")
     robot = substitute(Module(Text("/opt/bin/yarprobotinterface"), Text("--config a.xml")), table)
     assert robot.module.command == f"{sys.executable} -P -m rtf robotinterface --config a.xml"
 
@@ -39,12 +39,12 @@ def test_controllers_are_those_of_this_project():
 
 
 def test_program_that_is_not_there():
-    """The reason is told; an application goes without a window, and not without a device."""
+    """The reason is reported; an application goes without a window, and not without a device."""
     table = read_table()
     window = substitute(Module(Text("yarpview"), Text("--name /v")), table)
     device = substitute(Module(Text("test_grabber"), deployer=Text("yarpdev")), table)
     assert [(one.missing, one.optional) for one in (window, device)] == [(True, True), (True, False)]
-    assert device.told.startswith("yarpdev is not there: devices are started from")
+    assert device.message.startswith("yarpdev is not there: devices are started from")
 
 
 def test_program_on_path_is_not_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -53,9 +53,9 @@ def test_program_on_path_is_not_replaced(tmp_path: Path, monkeypatch: pytest.Mon
     program.write_text("#!/bin/sh\n")
     program.chmod(0o755)
     table = read_table()
-    assert substitute(Module(Text("iCub_SIM"), workdir=Text(str(tmp_path))), table).told == ""
-    assert substitute(Module(Text("iCub_SIM"), node=Text("pc104")), table).told == ""
-    assert substitute(Module(Text("sleep")), table).told == ""
+    assert substitute(Module(Text("iCub_SIM"), workdir=Text(str(tmp_path))), table).message == ""
+    assert substitute(Module(Text("iCub_SIM"), node=Text("pc104")), table).message == ""
+    assert substitute(Module(Text("sleep")), table).message == ""
     monkeypatch.setenv("PATH", str(tmp_path))
     module = Module(Text("iCub_SIM"))
     assert substitute(module, table).module is module

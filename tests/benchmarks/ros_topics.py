@@ -47,7 +47,7 @@ def load(states: Any, cameras: list[Any], part: object, picture: Callable[[], ob
     return (time.process_time() - used) / (time.perf_counter() - begun)
 
 
-def tell(what: str, times: list[float], count: int) -> None:
+def print_figures(what: str, times: list[float], count: int) -> None:
     """Print the figures of round trips."""
     ordered = sorted(times)
     print(

@@ -142,9 +142,7 @@ def main() -> None:
         print(f"call of three scalars: {typed:.0f} us, by hand {plain:.0f} us, {typed / plain:.2f} times")
         if options.fuzz:
             files, messages = fuzz(module, path.read_text(), options.fuzz)
-            print(
-                f"{options.fuzz} damaged files and messages: {files} and {messages} could be read, all others were told"
-            )
+            print(f"{options.fuzz} damaged files and messages: {files} and {messages} could be read, others are errors")
 
 
 if __name__ == "__main__":

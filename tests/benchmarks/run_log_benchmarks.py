@@ -52,7 +52,7 @@ class Result:
     senders: list[float]
     #: Largest memory of the collector in the first and in the second half, in MiB.
     memory: tuple[float, float]
-    #: How often it was told that records were dropped.
+    #: How often it was reported that records were dropped.
     warnings: int
 
     @property
@@ -142,7 +142,7 @@ def rate(folder: Path, programs: int, wanted: float, seconds: float, environment
 
 
 def flood(folder: Path, programs: int, flooding: int, seconds: float, environment: dict[str, str]) -> bool:
-    """One that floods and others that do not; returns whether the others lost nothing and the flood's loss was told."""
+    """One that floods and others that do not; returns whether only the flood lost records and it was reported."""
     calm = Sender("port", int(100 * seconds), 100.0)
     flooder = Sender("port", flooding, 0.0)
     result = measure(folder, [flooder] + [calm] * (programs - 1), environment)
@@ -150,7 +150,7 @@ def flood(folder: Path, programs: int, flooding: int, seconds: float, environmen
     of_flood = flooder.count - result.stored[0]
     print(
         f"flood  1 program with {flooder.count} records at once, {programs - 1} with 100 records/s: these lost {lost},"
-        f" the first {of_flood}, told {result.warnings} times;"
+        f" the first {of_flood}, warned {result.warnings} times;"
         f" memory {result.memory[0]:.0f} MiB, then {result.memory[1]:.0f} MiB"
     )
     return lost == 0 and (of_flood == 0 or result.warnings > 0)

@@ -197,9 +197,9 @@ def main(arguments: list[str] | None = None) -> int:
             found = faults(chosen, folder / f"{name}-faults") if chosen else None
             print(row(robot, healthy, found), flush=True)
             lines = [*(healthy.alarms if healthy else ()), *(found.missed if found else ())]
-            told = [f"{name}: {one}" for one in lines]
-            print("\n".join(told), file=sys.stderr, flush=True)
-            wrong += told
+            named = [f"{name}: {one}" for one in lines]
+            print("\n".join(named), file=sys.stderr, flush=True)
+            wrong += named
     print("\n".join(["", *wrong]))
     return 1 if wrong else 0
 

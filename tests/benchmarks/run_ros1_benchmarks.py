@@ -16,7 +16,7 @@ import tempfile
 import time
 
 import ros_topics
-from ros_topics import JOINTS, OF_A_PART, round_trips, tell
+from ros_topics import JOINTS, OF_A_PART, print_figures, round_trips
 
 from rtf.ros1.errors import MasterError
 from rtf.ros1.master import Master
@@ -124,7 +124,7 @@ def main() -> None:
             with Node("here") as node, subprocess.Popen(command, env=environment, stdout=-1) as other:
                 assert other.stdout is not None
                 other.stdout.readline()
-                tell(f", {what}", round_trips(node, JointState, state(JOINTS), options.count), options.count)
+                print_figures(f", {what}", round_trips(node, JointState, state(JOINTS), options.count), options.count)
                 share = 100 * load(node, options.seconds)
                 print(f"6 parts at 100 Hz, 2 cameras at 30 Hz, {what}: {share:.0f} % of a core")
                 other.kill()
@@ -133,7 +133,7 @@ def main() -> None:
             other.stdout.readline()
             ping = ["/usr/bin/python3", "-c", PING, str(options.count)]
             done = subprocess.run(ping, env=system, capture_output=True, text=True, check=True)
-            tell(", rospy with rospy", [float(line) for line in done.stdout.split()], options.count)
+            print_figures(", rospy with rospy", [float(line) for line in done.stdout.split()], options.count)
             other.kill()
         master.terminate()
 

@@ -12,7 +12,7 @@ import subprocess
 import sys
 
 import ros_topics
-from ros_topics import JOINTS, OF_A_PART, round_trips, tell
+from ros_topics import JOINTS, OF_A_PART, print_figures, round_trips
 
 from rtf.ros2.messages import Header, Image, JointState, String, Time
 from rtf.ros2.node import Node, Publisher
@@ -66,7 +66,7 @@ def main() -> None:
         assert other.stdout is not None
         other.stdout.readline()
         print(f"load {os.getloadavg()[0]:.1f}")
-        tell("", round_trips(node, JointState, state(JOINTS), options.count), options.count)
+        print_figures("", round_trips(node, JointState, state(JOINTS), options.count), options.count)
         print(f"6 parts at 100 Hz, 2 cameras at 30 Hz: {100 * load(node, options.seconds):.0f} % of a core")
         node.publisher("end", String).publish(String("over"))
         other.terminate()

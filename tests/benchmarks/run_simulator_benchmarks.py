@@ -272,11 +272,11 @@ def start(turns: int) -> None:
             environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
             environment |= {"YARP_CONF": folder, "YARP_CONFIG_HOME": folder, "YARP_RUNTIME_DIR": folder}
             began = clock.monotonic()
-            told = _until_ready(folder, environment)
+            ready = _until_ready(folder, environment)
             taken.append(clock.monotonic() - began)
     taken = taken[1:]
     print(
-        f"  start to ready: {statistics.median(taken):.2f} s, best {min(taken):.2f} s (wanted: 1.5 s)\n  {told}",
+        f"  start to ready: {statistics.median(taken):.2f} s, best {min(taken):.2f} s (wanted: 1.5 s)\n  {ready}",
         flush=True,
     )
 

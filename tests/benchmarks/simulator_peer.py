@@ -126,7 +126,7 @@ def serve(*, lockstep: bool, cameras: bool) -> None:
 def serve_alone() -> None:
     """A robot that nobody listens to: for each line of input let so many seconds pass, and say what that took.
 
-    It is told in JSON: seconds of the machine's clock, and of the processor.
+    It is printed in JSON: seconds of the machine's clock, and of the processor.
     """
     with SimulatedRobot(load_robot("icub"), network=Network(LocalNames()), lockstep=True) as robot:
         print(json.dumps({}), flush=True)

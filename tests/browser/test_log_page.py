@@ -128,7 +128,7 @@ def test_filters_and_a_record(log: Log, visit: Any):
 
 
 def test_a_record_that_was_removed(log: Log, visit: Any, unreachable: Any):
-    """A full file loses its oldest records: one that is shown and gone is told so, and the page goes on."""
+    """A full file loses its oldest records: one that is shown and gone is marked as gone, and the page goes on."""
     log.write("old", "young")
     page = visit(log.address, expected=unreachable)
     expect(rows(page)).to_have_count(2)

@@ -36,7 +36,7 @@ def test_the_shipped_campaign_is_the_proof():
 
 
 def test_results_are_judged_by_their_claims(tmp_path: Path):
-    """A case that killed its worker is not tested, of any seed; a run that is no case is told."""
+    """A case that killed its worker is not tested, of any seed; a run that is no case is reported."""
     case = next(case for case in shipped_cases(["Imu"]) if case.fault)
     with CampaignStore(tmp_path / "proof.sqlite", create=True) as store:
         store.add([task_of(case, 3)])

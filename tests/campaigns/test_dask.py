@@ -87,8 +87,8 @@ class _Answer(Future):
         (_Answer(error=ConnectionResetError()), None),
     ],
 )
-def test_what_a_worker_sends_is_a_result_or_told(answer: Future, status: Status | None):
-    """What is no result counts as a death of the worker, what it raises is told; a lost scheduler is another thing."""
+def test_what_a_worker_sends_is_a_result_or_reported(answer: Future, status: Status | None):
+    """What is no result counts as a death of the worker, what it raises is reported; a lost scheduler is not that."""
     import distributed
 
     backend = DaskBackend.__new__(DaskBackend)

@@ -64,7 +64,7 @@ FAULT = '[[faults]]\nkind = "friction"\ntargets = ["l_elbow"]\n'
     ],
 )
 def test_an_error_has_its_line(write: Callable[[str], Path], text: str, line: int | None, message: str):
-    """What is wrong in a file is told with the file and the line."""
+    """What is wrong in a file is reported with the file and the line."""
     path = write(text)
     with pytest.raises(CampaignError) as caught:
         load_campaign(path)

@@ -74,7 +74,7 @@ def test_a_run_that_kills_its_worker_is_a_finding(write: Callable[[str], Path], 
     assert detail.startswith("the runner was killed by SIGKILL")
 
 
-def test_what_cannot_begin_is_told_with_the_words_of_the_runner():
+def test_what_cannot_begin_is_reported_with_the_words_of_the_runner():
     """A run whose suite is missing on the worker is broken, and not a worker that died."""
     task = Task(suite="no.xml")
     result = decode_result(run_task(encode_job(Job(task.key, task, {}, 20.0))))

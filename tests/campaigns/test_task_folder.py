@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import pytest
 
 MAKE = "from rtf.campaigns.task_folder import task_folder\nwith task_folder() as (path, keeper):\n    "
-#: Tells the folder, and ends when its input does.
+#: Prints the folder, and ends when its input does.
 WAITING = MAKE + "print(path, flush=True); input()"
 #: The same, with a child that has inherited the descriptor and outlives it; its input ends with that of the process.
 WITH_RUNNER = MAKE + (

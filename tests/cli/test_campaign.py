@@ -78,7 +78,7 @@ def test_a_campaign_is_planned_run_and_looked_at(campaign: Path, capsys: pytest.
     assert "mean of the 2 that are done" in capsys.readouterr().out
 
 
-def test_a_misspelt_parameter_is_told_before_anything_runs(campaign: Path):
+def test_a_misspelt_parameter_is_reported_before_anything_runs(campaign: Path):
     """The runner's check of parameters is made by plan, and before the first run."""
     campaign.write_text(campaign.read_text().replace("gate =", "gte ="))
     for command in (plan, run):

@@ -105,7 +105,7 @@ def test_a_campaign_without_runs_has_no_report(lab: Lab, tmp_path: Path):
         report([str(lab.folder / "before.toml")])
 
 
-def test_what_moved_is_told(lab: Lab, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_what_moved_is_reported(lab: Lab, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     """Four runs say too little of a half: the distribution is reported as it is, and nothing as a change."""
     assert compare([str(lab.before), str(lab.after), "--json", str(tmp_path / "changes.json")]) is ExitCode.PASSED
     assert capsys.readouterr().out == "before and after: 0 of 2 comparisons differ by more than chance\n"

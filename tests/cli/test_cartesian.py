@@ -125,7 +125,7 @@ def test_a_controller_with_a_solver_moves_the_robot(lab: Lab):
         (("solver", "left_arm", "--context", "nothing"), "cartesianSolver.ini has no group [left_arm]"),
     ],
 )
-def test_what_cannot_be_started_is_told(lab: Lab, words: tuple[str, ...], text: str):
+def test_what_cannot_be_started_is_reported(lab: Lab, words: tuple[str, ...], text: str):
     """With the thing, and an exit code."""
     program, said = lab.start(*words)
     assert program.wait(30.0) == (4 if "--context" in words else 1)

@@ -98,8 +98,8 @@ def test_a_robot_is_moved_as_by_the_original(lab: Lab):
         eventually(lambda: not gaze.motion_done(), "the motion does not begin")
         program.send_signal(signal.SIGTERM)
         assert program.wait(20.0) == 0
-    told = said.read_text().splitlines()
-    assert told[1:] == ["READY /iKinGazeCtrl", "SIGTERM: ends"]
+    lines = said.read_text().splitlines()
+    assert lines[1:] == ["READY /iKinGazeCtrl", "SIGTERM: ends"]
     board = make_device("remote_controlboard", Property.parse("(remote /icubSim/head) (local /l)"), network=lab.network)
     with closing(board):
         encoders = board.view(IEncoders)
@@ -131,7 +131,7 @@ def test_a_robot_without_torso_and_gyroscope(lab: Lab):
         (("--from", "nothing.ini"), 4, "nothing.ini"),
     ],
 )
-def test_what_cannot_be_started_is_told(lab: Lab, words: tuple[str, ...], code: int, text: str):
+def test_what_cannot_be_started_is_reported(lab: Lab, words: tuple[str, ...], code: int, text: str):
     """With the thing, and an exit code."""
     program, said = lab.start("gaze", *words)
     assert program.wait(30.0) == code, said.read_text()

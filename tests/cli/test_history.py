@@ -164,7 +164,7 @@ def test_whatever_tests_are_called_the_terminal_stays_whole(shown: Callable[...,
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (("nothing",), "no run has 'nothing' in it"),
         (("--robot", "r9"), "no run of that robot and station is in it"),
@@ -172,11 +172,11 @@ def test_whatever_tests_are_called_the_terminal_stays_whole(shown: Callable[...,
         (("--import", "nowhere"), "there is no run in "),
     ],
 )
-def test_what_is_not_there_is_an_error(shown: Callable[..., Shown], folder: Path, words: tuple[str, ...], told: str):
+def test_what_is_not_there_is_an_error(shown: Callable[..., Shown], folder: Path, words: tuple[str, ...], message: str):
     """A name, robot or option that matches nothing is an error that names it."""
     done = shown(folder, *words)
     assert done.exit_code == ExitCode.USAGE
-    assert told in done.stderr
+    assert message in done.stderr
     assert "Traceback" not in done.stderr
 
 

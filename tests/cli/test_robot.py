@@ -100,9 +100,9 @@ def test_poses_outside_of_the_workspace_are_not_in_order(tmp_path: Path):
     assert "problem: tip is 190 mm beyond least x of the workspace in the safe pose stretched" in checked.stdout
     assert "in the home pose" not in checked.stdout
     (tmp_path / "robot.toml").write_text(f"{text}{tip.replace('fore', 'four')}", encoding="utf-8")
-    told = robot(tmp_path, "check", "./robot.toml").stderr
-    assert "robot.toml:61: the point tip of the workspace is on 'four', which bench.xml does not have" in told
-    assert "; its links are post, upper, fore" in told
+    errors = robot(tmp_path, "check", "./robot.toml").stderr
+    assert "robot.toml:61: the point tip of the workspace is on 'four', which bench.xml does not have" in errors
+    assert "; its links are post, upper, fore" in errors
 
 
 def test_a_draft_of_what_is_shipped_is_in_order(tmp_path: Path):

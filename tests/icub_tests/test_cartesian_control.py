@@ -89,7 +89,7 @@ def test_the_torso_keeps_to_its_limits_on_the_way_back(outcome: Outcome, measure
     assert all(abs(one.value) < 1.0 for one in held)
 
 
-def test_a_target_out_of_reach_is_told(outcome: Outcome, measured):
+def test_a_target_out_of_reach_is_reported(outcome: Outcome, measured):
     """The controller ends at the nearest pose, and calls it done; the distance from the target fails."""
     assert outcome.verdict("far") is Verdict.FAILED
     assert measured(outcome, "far", "solution from target")[0].value > 300.0
@@ -101,11 +101,11 @@ def test_a_wrong_frame_of_the_hand_is_found(outcome: Outcome, measured):
     assert outcome.verdict("frame") is Verdict.FAILED
     assert measured(outcome, "frame", "controller from encoders")[0].value == pytest.approx(20.0, abs=0.1)
     assert measured(outcome, "frame", "left by the controller")[0].value < 0.01
-    assert f"{LEFT} tells another pose than the encoders" in said(outcome, "frame")
+    assert f"{LEFT} reports another pose than the encoders" in said(outcome, "frame")
 
 
 def test_late_poses_are_measured(outcome: Outcome, measured):
-    """By what they are behind the encoders; each reach tells it."""
+    """By what they are behind the encoders; each reach reports it."""
     assert outcome.verdict("late") is Verdict.FAILED
     delays = [one.value for one in measured(outcome, "late", "delay of the poses")]
     assert delays == pytest.approx([0.08, 0.08], abs=0.012)

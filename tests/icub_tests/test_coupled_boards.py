@@ -30,7 +30,7 @@ SUITE = "".join([
     entry("impedance", "TorqueControlStiffDampCheck", joints="(0)"),
     entry("modes", "ControlModes", joints="(0)", faults="false"),
 ])  # fmt: skip
-#: By what joints are told in each of the tests that leave one without its controller, and in which mode.
+#: By what joints are commanded in each of the tests that leave one without its controller, and in which mode.
 EFFORTS = {
     "stiction": ("set_reference_duty_cycles", ControlMode.PWM),
     "signs": ("set_reference_duty_cycles", ControlMode.PWM),
@@ -54,7 +54,7 @@ def recording(record_on_robot):
             change(self, [mode] * len(group), group)
 
     def refuse(self, joint):
-        raise RefusedError(f"{self.part} joint {joint}: it is not told")
+        raise RefusedError(f"{self.part} joint {joint}: it is not reported")
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(part, "set_control_modes", change_together)
@@ -69,20 +69,20 @@ def test_a_healthy_part_passes(recording, test):
 
 
 @pytest.mark.parametrize("test", EFFORTS)
-def test_a_joint_that_loses_its_controller_with_another_is_told_what_held_it(recording, test):
+def test_a_joint_that_loses_its_controller_with_another_is_commanded_what_held_it(recording, test):
     """It is commanded the effort that held it from the moment when the other one enters the mode, and moves little."""
     method, mode = EFFORTS[test]
-    entered = next(one for one in recording.told(test, "set_control_modes", ROLL) if one.value(ROLL) is mode)
-    told = recording.told(test, method, PITCH)
-    assert told[0].time == entered.time
-    held = told[0].value(PITCH)
+    entered = next(one for one in recording.commands(test, "set_control_modes", ROLL) if one.value(ROLL) is mode)
+    commands = recording.commands(test, method, PITCH)
+    assert commands[0].time == entered.time
+    held = commands[0].value(PITCH)
     assert abs(held) > 1.0
     home, *_ = (one.positions[PITCH] for one in recording.during(test))
     assert all(abs(one.positions[PITCH] - home) < ASTRAY for one in recording.during(test))
 
 
-def test_a_torque_is_commanded_where_no_range_is_told(recording):
+def test_a_torque_is_commanded_where_no_range_is_reported(recording):
     """A small one, in every mode that ignores it."""
-    told = recording.values("modes", "set_reference_torques", 0)
-    assert told
-    assert {abs(one) for one in told} == {0.5}
+    commands = recording.values("modes", "set_reference_torques", 0)
+    assert commands
+    assert {abs(one) for one in commands} == {0.5}

@@ -35,7 +35,7 @@ def test_a_healthy_sensor_has_gains_of_one(outcome, measured):
             assert gain.subject == PORT
 
 
-def test_a_wrong_gain_is_told(outcome, measured):
+def test_a_wrong_gain_is_reported(outcome, measured):
     """The gain of each channel is measured."""
     assert outcome.verdict("gain") is Verdict.FAILED
     gains = [one.value for what in ("force x", "torque z") for one in measured(outcome, "gain", f"gain of {what}")]

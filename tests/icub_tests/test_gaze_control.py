@@ -60,7 +60,7 @@ def test_a_healthy_robot_looks_at_its_targets(outcome: Outcome, measured, name: 
     assert all(0.0 < one.value < 30.0 for one in measured(outcome, name, "way after a stop"))
 
 
-def test_a_target_behind_the_head_is_told(outcome: Outcome, measured):
+def test_a_target_behind_the_head_is_reported(outcome: Outcome, measured):
     """The controller ends at its limits, and calls it done; the eyes do not look at the point."""
     assert outcome.verdict("behind") is Verdict.FAILED
     assert measured(outcome, "behind", "eyes from the point")[0].value > 30.0

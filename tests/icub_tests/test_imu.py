@@ -56,7 +56,7 @@ def test_a_healthy_unit_agrees_with_the_joints(outcome, measured):
         assert measured(outcome, "healthy", name)[0].value < most
 
 
-def test_a_wrong_gain_is_told_for_each_axis(outcome, measured):
+def test_a_wrong_gain_is_reported_for_each_axis(outcome, measured):
     """That of the gyroscope, about each axis about which the neck turns; the accelerometer is right."""
     assert outcome.verdict("gain") is Verdict.FAILED
     for axis in "xyz":
@@ -81,7 +81,7 @@ def test_the_neck_is_really_moved(outcome, measured):
         assert columns["expected"].max() > 35
 
 
-def test_a_turned_unit_is_told_by_how_much(outcome):
+def test_a_turned_unit_is_reported_with_its_angle(outcome):
     """The failure names the unit, and the angle and axis of its misalignment."""
     assert outcome.verdict("turned") is Verdict.FAILED
     said = [event.detail for event in outcome.of(Message, severity=Severity.FAILURE) if "misaligned" in event.detail]

@@ -59,8 +59,8 @@ class TimeServer(threading.Thread):
             question, asker = self.socket.recvfrom(100)
             if len(question) != 48:
                 return
-            told = struct.pack(">II", int(clock.now() + 1.0) + 2_208_988_800, int((clock.now() % 1) * 2**32))
-            self.socket.sendto(bytes([0x24, 1]) + bytes(22) + question[40:48] + told + told, asker)
+            stamp = struct.pack(">II", int(clock.now() + 1.0) + 2_208_988_800, int((clock.now() % 1) * 2**32))
+            self.socket.sendto(bytes([0x24, 1]) + bytes(22) + question[40:48] + stamp + stamp, asker)
 
 
 @pytest.fixture(scope="module")

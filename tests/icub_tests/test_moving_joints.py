@@ -28,7 +28,7 @@ SUITE = "".join(
             max="0.5 0.5 0.5", refvel="20.0 20.0 20.0", timeout="10.0 10.0 10.0",
         ),
         entry("motor-jams", "MotorTest", "jam torso_yaw"),
-        entry("motor-is-not-told", "MotorTest", "missed_command torso_roll every=1"),
+        entry("motor-without-command", "MotorTest", "missed_command torso_roll every=1"),
         entry("other-axes", "MotorTest", joints=4),
         entry("one-target-too-few", "MotorTest", target="3.0 3.0"),
         entry("references", "MovementReferencesTest"),
@@ -78,7 +78,7 @@ def test_a_healthy_robot_passes(outcome, test):
     ("test", "joint"),
     [
         ("motor-jams", "torso_yaw"),
-        ("motor-is-not-told", "torso_roll"),
+        ("motor-without-command", "torso_roll"),
         ("references-lost", "torso_pitch"),
         ("references-no-mode", "torso_yaw"),
         ("open-loop-lost", "torso_roll"),
@@ -116,15 +116,17 @@ def test_joints_that_are_not_in_the_mode_have_causes(outcome):
     assert all("likely: firmware" in text for text in wrong)
 
 
-def test_what_joints_were_told_is_recorded_beside_what_they_did(outcome):
+def test_commands_are_recorded_beside_positions(outcome):
     """Targets of moves, and positions that follow from a commanded speed."""
     assert set(positions_of(outcome, "motors", "single move", "torso_yaw single", "target")) == {3.0}
-    told = positions_of(outcome, "stress", "stress", "torso_yaw", "target")
-    assert np.unique(told).tolist() == pytest.approx([-10.0, 0.0, 10.0], abs=0.01)
-    way, told = (positions_of(outcome, "references", "velocity of torso_yaw", "", one) for one in ("position", "told"))
-    assert way[0] == told[0]
-    assert 1.0 < abs(told[-1] - told[0]) < 3.0
-    assert way == pytest.approx(told, abs=0.5)
+    targets = positions_of(outcome, "stress", "stress", "torso_yaw", "target")
+    assert np.unique(targets).tolist() == pytest.approx([-10.0, 0.0, 10.0], abs=0.01)
+    way, commanded = (
+        positions_of(outcome, "references", "velocity of torso_yaw", "", one) for one in ("position", "commanded")
+    )
+    assert way[0] == commanded[0]
+    assert 1.0 < abs(commanded[-1] - commanded[0]) < 3.0
+    assert way == pytest.approx(commanded, abs=0.5)
 
 
 def test_each_motor_moves_alone_then_all_then_as_a_group(outcome, measured):

@@ -66,14 +66,14 @@ def outcome(run_on_robot) -> Iterator[Outcome]:
 
 @pytest.mark.parametrize("name", CHOSEN)
 def test_each_topic_is_judged(outcome, name: str):
-    """The right one passes; others do not, and what is wrong with them is told. Losses need a machine with time."""
+    """The right one passes; others do not, and what is wrong with them is reported. Losses need a machine with time."""
     verdict, complaint = CHOSEN[name]
     found = outcome.verdict(name)
     assert found in ((verdict, Verdict.INCONCLUSIVE) if name == "skips" else (verdict,)), outcome.detail(name)
     assert complaint in outcome.detail(name) or found is Verdict.INCONCLUSIVE
 
 
-def test_a_wrong_line_is_told(outcome):
+def test_a_wrong_line_is_reported(outcome):
     """With its section."""
     assert outcome.verdict("wrong") is Verdict.ERROR
     assert '[TOPICS] "/good" 50: a line has a port' in outcome.detail("wrong")

@@ -48,7 +48,7 @@ def test_a_healthy_part_passes_in_all_forms(outcome, measured):
     assert all(one.value == 0 for one in lost)
 
 
-def test_what_the_board_was_told_is_a_sine(outcome, measured):
+def test_the_references_at_the_board_are_a_sine(outcome, measured):
     """The references that the board itself reports have the amplitude and nothing but the shape of the sine."""
     sizes = measured(outcome, "healthy", "amplitude of the references at the board")
     shapes = measured(outcome, "healthy", "shape error of the references at the board")

@@ -67,7 +67,7 @@ class Board(FakeBoard):
 
     def __init__(self, *arguments, fault="", **named):
         super().__init__(*arguments, **named)
-        self.told = []
+        self.commands = []
         self.fault = fault
         self.accepted = {}  # targets that were accepted in PWM mode, deg
 
@@ -108,7 +108,7 @@ class Board(FakeBoard):
         return np.array([self.accepted.get(joint, target) for joint, target in zip(chosen, targets, strict=True)])
 
     def _note(self, what, joints):
-        self.told.append((clock.now(), what, [joints] if isinstance(joints, int) else joints))
+        self.commands.append((clock.now(), what, [joints] if isinstance(joints, int) else joints))
 
     def set_control_modes(self, modes, joints=None):
         """See IControlMode."""
@@ -144,7 +144,7 @@ def run(folder, suite, fault=""):
         opened.enter_context(served(board, "/bot/arm", network=network, period=0.01))
         opened.enter_context(served(Board("head", network=network), "/bot/head", network=network, period=0.01))
         words = ("--suite", "suite.xml", "--allow-motion", "--answer", "yes")
-        return run_command(folder, *words, YARP_ROBOT_NAME="bot", RTF_CLOCK="", YARP_CLOCK=""), board.told
+        return run_command(folder, *words, YARP_ROBOT_NAME="bot", RTF_CLOCK="", YARP_CLOCK=""), board.commands
 
 
 @pytest.fixture(scope="module")
@@ -166,18 +166,18 @@ def ran(tmp_path_factory):
 )
 def test_what_cannot_be_tested_is_not_begun(ran, test, verdict, words):
     """The reason is reported with a hint; no joint has lost its controller."""
-    outcome, told = ran
+    outcome, commands = ran
     assert outcome.verdict(test) is verdict, outcome.detail(test)
     assert words in outcome.detail(test)
-    assert not {what for _, what, _ in told} & {ControlMode.PWM, ControlMode.TORQUE, "duty"}
+    assert not {what for _, what, _ in commands} & {ControlMode.PWM, ControlMode.TORQUE, "duty"}
 
 
 def test_the_operator_is_asked_before_a_joint_gives_way(ran):
     """While the question is open the joint is held."""
-    outcome, told = ran
+    outcome, commands = ran
     (asked,) = (one for one in outcome.of(Asked, test="s/impedance") if "becomes compliant" in one.text)
-    compliant = [time for time, what, _ in told if what is InteractionMode.COMPLIANT]
-    softened = [time for time, what, _ in told if what == (1.0, 0.0)]
+    compliant = [time for time, what, _ in commands if what is InteractionMode.COMPLIANT]
+    softened = [time for time, what, _ in commands if what == (1.0, 0.0)]
     assert len(compliant) == len(softened) == 1
     assert asked.time < softened[0] < compliant[0]
 
@@ -194,17 +194,17 @@ def test_a_joint_far_outside_of_its_limits_is_not_driven(tmp_path):
 
     That nothing is known of couplings is said once.
     """
-    outcome, told = run(tmp_path, BEYOND_LIMITS_SUITE, "beyond-limits")
+    outcome, commands = run(tmp_path, BEYOND_LIMITS_SUITE, "beyond-limits")
     failures = {one.subject: one.detail for one in outcome.of(Message, severity=Severity.FAILURE)}
     assert "joint2 is not driven: it was excluded and left idle. Its encoder shows 300.0 deg" in failures["joint2"]
     assert "joint0 does not move" in failures["joint0"]
     (warning,) = outcome.of(Message, severity=Severity.WARNING)
     assert "arm does not report the coupling of its motors" in warning.detail
-    driven = {joint for _, what, joints in told if what == "duty" for joint in joints or ()}
+    driven = {joint for _, what, joints in commands if what == "duty" for joint in joints or ()}
     assert driven == {0}
     modes = [
         what
-        for _, what, joints in told
+        for _, what, joints in commands
         if isinstance(what, ControlMode) and BEYOND_LIMITS in (joints or [BEYOND_LIMITS])
     ]
     assert modes[-1] is ControlMode.IDLE
@@ -216,7 +216,7 @@ def test_a_joint_that_runs_away_by_what_should_hold_it_fails(tmp_path):
 
     In real time a machine that is too busy proves nothing, and says so.
     """
-    outcome, told = run(tmp_path, RUNAWAY_SUITE, "runaway")
+    outcome, commands = run(tmp_path, RUNAWAY_SUITE, "runaway")
     detail = outcome.detail("runaway")
     busy = "this machine is too busy" in detail
     if outcome.verdict("runaway") is Verdict.ERROR and re.search(
@@ -226,7 +226,7 @@ def test_a_joint_that_runs_away_by_what_should_hold_it_fails(tmp_path):
     assert outcome.verdict("runaway") is (Verdict.INCONCLUSIVE if busy else Verdict.FAILED), detail
     moved = "joint0 moved by 15.0 deg at torques within 0.1 Nm of its holding torque"
     assert any(moved in event.detail for event in outcome.of(Message))
-    assert [what for _, what, _ in told if isinstance(what, ControlMode)][-1] is ControlMode.POSITION
+    assert [what for _, what, _ in commands if isinstance(what, ControlMode)][-1] is ControlMode.POSITION
 
 
 def mover(name, test, part):
@@ -237,14 +237,16 @@ def mover(name, test, part):
 def test_a_joint_outside_of_its_limits_costs_its_part_only_whatever_its_gears_are(tmp_path):
     """The test of that part says so, though the board knows no couplings and has no gears; the head is tested."""
     suite = mover("arm", "BringsHome", "arm") + mover("head", "BringsHome", "head")
-    outcome, told = run(tmp_path, suite, "no-gears")
+    outcome, commands = run(tmp_path, suite, "no-gears")
     detail = outcome.detail("arm")
     busy = "this machine is too busy" in detail
     assert outcome.verdict("arm") is (Verdict.INCONCLUSIVE if busy else Verdict.FAILED), detail
     assert "joint2 (/bot/arm joint 2) is at 300.0 deg, beyond its limits; it was stopped" in detail
     assert outcome.verdict("head") is Verdict.PASSED, outcome.detail("head")
     assert outcome.of(FixtureIncident) == []
-    last = [what for _, what, joints in told if isinstance(what, ControlMode) and joints in (None, [BEYOND_LIMITS])][-1]
+    last = [
+        what for _, what, joints in commands if isinstance(what, ControlMode) and joints in (None, [BEYOND_LIMITS])
+    ][-1]
     assert last is ControlMode.IDLE
 
 
@@ -280,10 +282,10 @@ def test_a_command_that_its_mode_does_not_take_is_not_called_lost(tmp_path):
 
 def test_torque_control_that_is_not_reported_is_not_counted_against_a_board(tmp_path):
     """Its joints become compliant although it reports no torque control: that is a warning."""
-    outcome, told = run(tmp_path, entry("modes", "ControlModes", joints="(0)", faults="false"))
+    outcome, commands = run(tmp_path, entry("modes", "ControlModes", joints="(0)", faults="false"))
     detail = outcome.detail("modes")
     busy = "this machine is too busy" in detail
     assert outcome.verdict("modes") is (Verdict.INCONCLUSIVE if busy else Verdict.PASSED), detail
     (warning,) = outcome.of(Message, severity=Severity.WARNING)
     assert "arm does not report which joints have torque control: torque mode is not tested" in warning.detail
-    assert InteractionMode.COMPLIANT in {what for _, what, _ in told}
+    assert InteractionMode.COMPLIANT in {what for _, what, _ in commands}

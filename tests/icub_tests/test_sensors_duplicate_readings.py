@@ -61,7 +61,7 @@ def test_what_comes_again_is_found(outcome, measured, name, what, port):
 @pytest.mark.parametrize(
     "what", ["share of repeated values", "longest run of one value", "longest time without a new value"]
 )
-def test_all_that_tells_of_repeated_values_has_its_limit(outcome, measured, what):
+def test_each_measure_of_repeated_values_has_its_limit(outcome, measured, what):
     """The tolerance is the limit of each measurement: a healthy robot has a margin, a frozen sensor has none."""
     assert all(event.margin >= 0 for event in measured(outcome, "healthy", what))
     (found,) = measured(outcome, "unit", what)

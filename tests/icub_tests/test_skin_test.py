@@ -94,7 +94,7 @@ def test_what_is_no_skin_fails(outcome):
 def test_too_few_messages_do_not_pass(outcome):
     """The test is inconclusive: healthy taxels may not have changed by chance."""
     assert outcome.verdict("short") is Verdict.INCONCLUSIVE
-    assert "too few to tell dead taxels" in outcome.detail("short")
+    assert "too few to find dead taxels" in outcome.detail("short")
 
 
 def test_a_robot_without_skin_is_no_failure_of_its_skin(run_on_robot):

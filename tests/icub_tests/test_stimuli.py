@@ -58,7 +58,7 @@ LIMITS = ((-50, 50), (-30, 30), (-20, 70))
 STRONGEST, PEAK = 50.0, 10.0
 #: The share of its time in which a move, which ends gently, comes within a degree of its end.
 NEARLY = 0.6
-#: Where a test finds a joint that it has not been told a home for, is where the one before has left it.
+#: Where a test finds a joint without a home in its parameters, is where the one before has left it.
 STILL = 0.1
 
 
@@ -97,7 +97,7 @@ def test_joint_limits_go_to_both_limits_and_beyond(recording, joint, beyond, spe
     """The upper limit, beyond it, the lower, beyond it, and home: at the speed, weakened, with time to get there."""
     low, high = LIMITS[joint]
     home = home_of(recording, "limits")[joint]
-    first, *moves = recording.told("limits", "position_move", joint)
+    first, *moves = recording.commands("limits", "position_move", joint)
     assert set(first.joints) == {0, 1, 2}
     assert close([one.value(joint) for one in moves], [high, high + beyond, low, low - beyond, home])
     assert recording.in_force("limits", "set_reference_speeds", joint)[1:] == [speed] * 5
@@ -115,14 +115,14 @@ def test_joint_limits_go_to_both_limits_and_beyond(recording, joint, beyond, spe
 def test_motors_move_alone_all_together_and_as_a_group(recording, joint, target, speed, acceleration):
     """Each joint to its target alone; all home by the call for all; and a group to the targets again."""
     home = home_of(recording, "motors")[joint]
-    moves = recording.told("motors", "position_move", joint)[:3]
+    moves = recording.commands("motors", "position_move", joint)[:3]
     assert close([one.value(joint) for one in moves], [target, home, target])
     alone, *together = [(one.joints, one.form) for one in moves]
     assert alone[0] == (joint,)
     assert together == [((0, 1, 2), "all"), ((2, 1, 0), "group")]
     assert recording.in_force("motors", "set_reference_speeds", joint)[:3] == [speed] * 3
     assert recording.in_force("motors", "set_reference_accelerations", joint)[:3] == [acceleration] * 3
-    turns = [one.joints for one in recording.told("motors", "position_move")]
+    turns = [one.joints for one in recording.commands("motors", "position_move")]
     assert turns[:3] == [(0,), (1,), (2,)]
 
 
@@ -130,16 +130,16 @@ def test_motors_move_alone_all_together_and_as_a_group(recording, joint, target,
 def test_references_of_every_kind_are_commanded(recording, joint, target, speed, acceleration):
     """A move; a duty cycle, and a move home that PWM mode must not take; a direct position; and a speed."""
     test, home = "references", home_of(recording, "references")[joint]
-    moves = recording.told(test, "position_move", joint)
+    moves = recording.commands(test, "position_move", joint)
     assert close([one.value(joint) for one in moves], [home, target, home, home])
     assert recording.in_force(test, "set_reference_speeds", joint)[1] == speed
     assert recording.in_force(test, "set_reference_accelerations", joint)[1] == acceleration
     modes = [mode_word(mode) for mode in recording.in_force(test, "set_control_modes", joint)]
     assert modes == ["pos", "pos", "ipwm", "pos"]
     assert recording.values(test, "set_reference_duty_cycles", joint) == [1.5]
-    (direct,) = recording.told(test, "set_positions", joint)
+    (direct,) = recording.commands(test, "set_positions", joint)
     assert abs(direct.value(joint) - direct.positions[joint]) == pytest.approx(0.2, abs=0.1)
-    speeds = recording.told(test, "velocity_move", joint)
+    speeds = recording.commands(test, "velocity_move", joint)
     way = 1 if speeds[0].positions[joint] < sum(LIMITS[joint]) / 2 else -1
     assert [one.value(joint) for one in speeds[:-1]] == [4 * way] * (len(speeds) - 1)
     assert speeds[-1].value(joint) == 0
@@ -151,13 +151,13 @@ def test_references_of_every_kind_are_commanded(recording, joint, target, speed,
 def test_encoders_are_compared_over_swings(recording, joint, low, high, speed):
     """So many half-swings between the ends, and home; one joint after the other, each at its own speed."""
     home = home_of(recording, "encoders")[joint]
-    moves = recording.told("encoders", "position_move", joint)
+    moves = recording.commands("encoders", "position_move", joint)
     assert close([one.value(joint) for one in moves], [high, low, high, home])
     assert {one.joints for one in moves} == {(joint,)}
     assert recording.in_force("encoders", "set_reference_speeds", joint) == [speed] * 4
     for (one, two), way in zip(pairwise(moves), [high - home, high - low, high - low], strict=True):
         assert two.time - one.time >= NEARLY * way / speed
-    turns = [one.joints for one in recording.told("encoders", "position_move")]
+    turns = [one.joints for one in recording.commands("encoders", "position_move")]
     assert turns == [(0,)] * 4 + [(1,)] * 4
 
 
@@ -168,7 +168,7 @@ def test_drift_is_looked_for_after_swings(recording, joint, low, high, speed):
     Home is always reached from the lower end.
     """
     home = home_of(recording, "drift")[joint]
-    moves = recording.told("drift", "position_move", joint)
+    moves = recording.commands("drift", "position_move", joint)
     assert close([one.value(joint) for one in moves], [high, low, home, high, low, home, high, low, home, low, home])
     assert {one.joints for one in moves} == {(0, 1)}
     assert recording.in_force("drift", "set_reference_speeds", joint) == [speed] * 11
@@ -185,7 +185,7 @@ def test_stress_comes_at_random_moments(recording, joint, low, high, speed):
     The last command is slow: it corrects what is left of the distance.
     """
     home = home_of(recording, "stress")[joint]
-    moves = recording.told("stress", "position_move", joint)[1:]
+    moves = recording.commands("stress", "position_move", joint)[1:]
     assert close([one.value(joint) for one in moves], [low, high, home, low, high, home, home])
     assert {one.joints for one in moves} == {(joint,)}
     assert recording.in_force("stress", "set_reference_speeds", joint)[1:] == [*[speed] * 6, 1.0]
@@ -198,7 +198,7 @@ def test_stress_comes_at_random_moments(recording, joint, low, high, speed):
 def test_gravity_is_measured_in_postures_from_both_sides(recording, joint, other):
     """Eight degrees to each side of home, come to from both sides, at rest; short ways slowly; the other joint, too."""
     home = home_of(recording, "gravity")
-    own = [one for one in recording.told("gravity", "position_move") if one.joints == (joint,)]
+    own = [one for one in recording.commands("gravity", "position_move") if one.joints == (joint,)]
     postures = [home[joint] + away for away in (-8, -8, 8, 8)]
     sides = [-2, 2, -2, 2]
     wanted = [value for posture, side in zip(postures, sides, strict=True) for value in (posture + side, posture)]
@@ -210,7 +210,7 @@ def test_gravity_is_measured_in_postures_from_both_sides(recording, joint, other
         assert two.time - one.time >= 0.3 + 0.2  # it rests, and is measured
     meanwhile = [
         one.value(other) - home[other]
-        for one in recording.told("gravity", "position_move", other)
+        for one in recording.commands("gravity", "position_move", other)
         if own[begin].time <= one.time < own[end].time
     ]
     assert close(meanwhile, [-2, 0, 2, 0, -2, 0, 2, 0])
@@ -221,13 +221,13 @@ def test_gravity_is_measured_in_postures_from_both_sides(recording, joint, other
 
 @pytest.mark.parametrize("form", ["single", "all", "group"])
 @pytest.mark.parametrize(("joint", "middle"), [(0, 2), (2, 5)])
-def test_position_direct_tells_a_sine(recording, form, joint, middle):
+def test_position_direct_commands_a_sine(recording, form, joint, middle):
     """Twelve probes about the middle; then 3 deg at 1 Hz sample by sample, with swings that grow and fade."""
-    told = [one for one in recording.told("direct", "set_positions", joint) if one.form == form]
-    assert {one.joints for one in told} == {{"single": (joint,), "all": (0, 1, 2), "group": (0, 2)}[form]}
-    values = np.array([one.value(joint) for one in told]) - middle
+    commands = [one for one in recording.commands("direct", "set_positions", joint) if one.form == form]
+    assert {one.joints for one in commands} == {{"single": (joint,), "all": (0, 1, 2), "group": (0, 2)}[form]}
+    values = np.array([one.value(joint) for one in commands]) - middle
     assert close(values[:13], [-0.2, 0.2] * 6 + [0], 1e-9)
-    time = np.array([one.time for one in told[13:]]) - told[13].time
+    time = np.array([one.time for one in commands[13:]]) - commands[13].time
     assert close(time, np.arange(150) * 0.02, 1e-6)
     sine = 3 * np.sin(2 * math.pi * time)
     whole = (time >= 1 - 1e-6) & (time <= 2 + 1e-6)
@@ -245,24 +245,24 @@ def test_position_direct_tells_a_sine(recording, form, joint, middle):
 
 def test_position_direct_holds_what_it_does_not_test(recording):
     """In commands to the whole part, a joint that is not chosen has its present position."""
-    told = [one.value(1) for one in recording.told("direct", "set_positions", 1)]
-    assert len(told) == 13 + 150
-    assert np.ptp(told) == 0
-    forms = [one.form for one in recording.told("direct", "set_positions", 0)]
+    commands = [one.value(1) for one in recording.commands("direct", "set_positions", 1)]
+    assert len(commands) == 13 + 150
+    assert np.ptp(commands) == 0
+    forms = [one.form for one in recording.commands("direct", "set_positions", 0)]
     assert forms == ["single"] * 163 + ["all"] * 163 + ["group"] * 163
 
 
 @pytest.mark.parametrize(("joint", "zero"), [(0, 5), (2, 10)])
 def test_a_step_of_position_is_a_step(recording, joint, zero):
     """Twice half a second at rest, and then 2 deg more until 1.2 s; home before it and afterwards, at 20 deg/s."""
-    told = recording.told("steps", "set_positions", joint)
-    cycles = runs(told, 0.1)
+    commands = recording.commands("steps", "set_positions", joint)
+    cycles = runs(commands, 0.1)
     assert len(cycles) == 2
     for cycle in cycles:
         time = np.array([one.time for one in cycle]) - cycle[0].time
         assert close(time, np.arange(60) * 0.02, 1e-6)
         assert close([one.value(joint) for one in cycle], np.where(time < 0.5 - 1e-6, zero, zero + 2), 1e-9)
-    moves = [one for one in recording.told("steps", "position_move") if one.joints == (joint,)]
+    moves = [one for one in recording.commands("steps", "position_move") if one.joints == (joint,)]
     assert [one.value(joint) for one in moves] == [zero] * 3
     assert recording.in_force("steps", "set_reference_speeds", joint)[:3] == [20] * 3
     times = [moves[0].time, cycles[0][0].time, moves[1].time, cycles[1][0].time, moves[2].time]
@@ -271,7 +271,7 @@ def test_a_step_of_position_is_a_step(recording, joint, zero):
 
 def test_a_step_of_a_loop_of_its_own_is_a_step(recording):
     """With a gain alone, duty cycle and position tell the reference: 5 deg, and 3 more after half a second."""
-    cycles = runs(recording.told("own-loop", "set_reference_duty_cycles", 2), 0.1)
+    cycles = runs(recording.commands("own-loop", "set_reference_duty_cycles", 2), 0.1)
     assert len(cycles) == 2
     for cycle in cycles:
         time = np.array([one.time for one in cycle]) - cycle[0].time
@@ -286,7 +286,7 @@ def test_a_step_of_a_loop_of_its_own_is_a_step(recording):
         before, after = references[:step], references[step:]
         assert np.ptp(before) < 0.1
         assert close(after - before.mean(), np.full(len(after), 3.0), 0.6)  # of a state that is 10 ms old
-    moves = recording.told("own-loop", "position_move", 2)[:3]
+    moves = recording.commands("own-loop", "position_move", 2)[:3]
     assert [one.value(2) for one in moves] == [5] * 3
 
 
@@ -295,7 +295,7 @@ def test_a_step_of_a_loop_of_its_own_is_a_step(recording):
 
 def test_a_step_of_torque_is_a_step(recording):
     """What holds the joint for 0.3 s, and then 0.4 Nm more, or less, until 0.8 s; home before it and afterwards."""
-    cycles = runs(recording.told("torque-steps", "set_reference_torques", 0), 0.1)
+    cycles = runs(recording.commands("torque-steps", "set_reference_torques", 0), 0.1)
     assert len(cycles) == 2
     heights = []
     for cycle in cycles:
@@ -314,19 +314,19 @@ def test_a_step_of_torque_is_a_step(recording):
 
 
 @pytest.mark.parametrize("joint", [0, 1])
-def test_torques_are_told_about_the_one_that_holds(recording, joint):
+def test_torques_are_commanded_about_the_one_that_holds(recording, joint):
     """0.2 Nm above, at and below it: a joint alone, a group, and the whole part.
 
-    The joint that shares motors with one of them is told what it bears, beside them and with the whole part.
+    The joint that shares motors with one of them is commanded what it bears, beside them and with the whole part.
     """
-    told = recording.told("torques", "set_reference_torques", joint)
-    assert [one.form for one in told] == ["single"] * 4 + ["group"] * 4 + ["all"] * 4
-    assert [one.joints for one in told[::4]] == [(joint,), (0, 1), (0, 1, 2)]
+    commands = recording.commands("torques", "set_reference_torques", joint)
+    assert [one.form for one in commands] == ["single"] * 4 + ["group"] * 4 + ["all"] * 4
+    assert [one.joints for one in commands[::4]] == [(joint,), (0, 1), (0, 1, 2)]
     for form in range(3):
-        held, *others = (one.value(joint) for one in told[4 * form : 4 * form + 4])
+        held, *others = (one.value(joint) for one in commands[4 * form : 4 * form + 4])
         assert close(others, [held + 0.2, held, held - 0.2], 1e-6)
         assert abs(held) < 0.1 * STRONGEST
-    other = recording.told("torques", "set_reference_torques", 2)
+    other = recording.commands("torques", "set_reference_torques", 2)
     assert [one.form for one in other] == ["group"] * 3 + ["all"] * 4
     # Each is read once, and its sensor has a noise of a thousandth of what the joint can exert.
     assert close([one.value(2) for one in other], [other[0].value(2)] * 7, 0.004 * STRONGEST)
@@ -336,11 +336,11 @@ def test_torques_are_told_about_the_one_that_holds(recording, joint):
 def test_a_compliant_joint_is_pushed_to_both_sides(recording):
     """With stiffness alone and with damping alone; four pushes, as hard as the spring, the damper and friction ask."""
     test = "impedance"
-    spring, damper, before = ((one.values, one.time) for one in recording.told(test, "set_impedance", 0))
+    spring, damper, before = ((one.values, one.time) for one in recording.commands(test, "set_impedance", 0))
     assert spring[0] == (3, 0)
     assert damper[0] == (0, 0.25)
     assert before[0] not in (spring[0], damper[0])
-    pushes, releases = recording.told(test, "push", 0), recording.told(test, "release", 0)
+    pushes, releases = recording.commands(test, "push", 0), recording.commands(test, "release", 0)
     # 2.5 deg of the spring, 25 deg/s of the damper, and 3 % of what the joint can exert.
     torques = [3 * 2.5 + 0.03 * STRONGEST] * 4 + [0.25 * 25 + 0.03 * STRONGEST] * 4
     signs = [1, -1, -1, 1] * 2
@@ -348,7 +348,7 @@ def test_a_compliant_joint_is_pushed_to_both_sides(recording):
     for push, release in zip(pushes, releases, strict=True):
         assert 0.02 <= release.time - push.time <= 0.3 + 0.011
     assert spring[1] < pushes[0].time < pushes[3].time < damper[1] < pushes[4].time < pushes[7].time < before[1]
-    asked = recording.told(test, "set_interaction_modes", 0)
+    asked = recording.commands(test, "set_interaction_modes", 0)
     for push in pushes:
         *_, last = (one.value(0) for one in asked if one.time <= push.time)
         assert InteractionMode(last) is InteractionMode.COMPLIANT
@@ -362,14 +362,14 @@ def test_a_compliant_joint_is_pushed_to_both_sides(recording):
 def test_the_open_loop_is_driven_both_ways(recording):
     """In PWM mode: 1.5 %, nothing, and -1.5 %, each for a while."""
     for joint in range(3):
-        told = recording.told("open-loop", "set_reference_duty_cycles", joint)
-        assert [one.value(joint) for one in told] == [1.5, 0, -1.5]
-        modes = recording.told("open-loop", "set_control_modes", joint)
-        inside = [mode_word(one.value(joint)) for one in modes if one.time <= told[0].time][-1]
-        left = next(one for one in modes if one.time > told[0].time)
+        commands = recording.commands("open-loop", "set_reference_duty_cycles", joint)
+        assert [one.value(joint) for one in commands] == [1.5, 0, -1.5]
+        modes = recording.commands("open-loop", "set_control_modes", joint)
+        inside = [mode_word(one.value(joint)) for one in modes if one.time <= commands[0].time][-1]
+        left = next(one for one in modes if one.time > commands[0].time)
         assert inside == "ipwm"
         assert mode_word(left.value(joint)) == "pos"
-        assert all(two.time - one.time >= 0.05 - 1e-6 for one, two in pairwise([*told, left]))
+        assert all(two.time - one.time >= 0.05 - 1e-6 for one, two in pairwise([*commands, left]))
 
 
 @pytest.mark.parametrize(
@@ -377,13 +377,13 @@ def test_the_open_loop_is_driven_both_ways(recording):
 )
 def test_duty_cycles_grow_until_the_joint_moves(recording, test, start, step, threshold):
     """From what holds the joint, a step every 0.1 s, first up and then down; let go of when it has moved."""
-    ramps = runs(recording.told(test, "set_reference_duty_cycles", 0), 0.2)
+    ramps = runs(recording.commands(test, "set_reference_duty_cycles", 0), 0.2)
     assert len(ramps) == 2
     for sign, ramp in zip((1, -1), ramps, strict=True):
         duties = [one.value(0) for one in ramp]
         *_, held, nothing = duties
         assert nothing == 0
-        began = len(duties) - 2 - duties[-3::-1].index(held)  # behind the last time that the holding one was told
+        began = len(duties) - 2 - duties[-3::-1].index(held)  # behind the last time that the holding one was commanded
         grown = ramp[began:-2]
         assert close(
             [sign * (one.value(0) - held) for one in grown], (start or step) + np.arange(len(grown)) * step, 1e-6

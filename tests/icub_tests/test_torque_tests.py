@@ -75,7 +75,7 @@ def test_a_healthy_joint_passes(outcome, name):
     assert outcome.verdict(name) is Verdict.PASSED, outcome.detail(name)
 
 
-def test_references_are_told_in_all_forms(outcome, measured):
+def test_references_are_commanded_in_all_forms(outcome, measured):
     """Single joints, a group, and the whole part; each is read back at three torques."""
     for change in ("+0.1 Nm", "+0 Nm", "-0.1 Nm"):
         found = measured(outcome, "references", f"reference that is read back, {change}")

@@ -69,7 +69,7 @@ class Bench:
     ran: Outcome
     positions: list[float]
 
-    def told(self, test: str) -> str:
+    def validation(self, test: str) -> str:
         """All that the validation said of a test."""
         _, _, text = self.validated.stderr.partition(f" error: test {test}: ")
         return text.partition("\nsuite.xml:")[0] + "\n"
@@ -115,7 +115,7 @@ def test_what_is_wrong_on_any_robot_is_known_before_a_run(bench: Bench, kind: st
     """The report has suite, test, file, line and a hint; the run reports the same, and does not set the test up."""
     _, line, hint = FILES[kind]
     place = f"{bench.folder / kind}.ini:{line}" if line else f"{kind}.ini"
-    for text in (bench.told(kind), bench.said(kind)):
+    for text in (bench.validation(kind), bench.said(kind)):
         assert hint in text
         assert place in text
     assert f"suite.xml:{[*FILES].index(kind) + 2}:1: error: test {kind}: " in bench.validated.stderr

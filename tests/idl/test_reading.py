@@ -1,4 +1,4 @@
-"""Interface files: what they say is read with its places, and what is wrong is told with file, line and column."""
+"""Interface files: what they say is read with its places, and what is wrong is reported with file, line and column."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_all_is_read_with_place_and_comment():
         ("struct A0 { 1: i32 x }\n" + "\n".join(TEN.format(n, n - 1) for n in range(1, 9)), "A5 has 100000 elements"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_told_with_its_place(text: str, message: str):
+def test_what_is_wrong_is_reported_with_its_place(text: str, message: str):
     """File, line and column, what it is, and what was perhaps meant."""
     with pytest.raises(idl.IdlError, match=message):
         program_of(text, "f")
@@ -95,7 +95,7 @@ def test_includes_are_found_beside_and_above(tmp_path: Path):
     assert [*loaded.S.FUNCTIONS] == ["a"]
 
 
-def test_circles_of_includes_are_told(tmp_path: Path):
+def test_circles_of_includes_are_reported(tmp_path: Path):
     """Also a file that includes itself."""
     for name, other in [("a", "b"), ("b", "c"), ("c", "a"), ("self", "self")]:
         (tmp_path / f"{name}.thrift").write_text(f"include '{other}.thrift'")
@@ -104,7 +104,7 @@ def test_circles_of_includes_are_told(tmp_path: Path):
             read_program(tmp_path / f"{name}.thrift")
 
 
-def test_files_that_cannot_be_read_are_told(tmp_path: Path):
+def test_files_that_cannot_be_read_are_reported(tmp_path: Path):
     """Absent, no text, too long."""
     with pytest.raises(idl.IdlError, match=r"absent\.thrift: the file cannot be read"):
         idl.read(tmp_path / "absent.thrift")

@@ -161,7 +161,7 @@ def test_a_client_says_what_is_wrong(shapes: Any, client: Any, network: Network)
             lost.is_on()
 
 
-def test_no_answer_is_told_in_time_and_the_next_call_connects_again(shapes: Any, network: Network):
+def test_no_answer_is_reported_in_time_and_the_next_call_connects_again(shapes: Any, network: Network):
     """A server that hangs, and one that has gone."""
     hanging = threading.Event()
     with (
@@ -177,7 +177,7 @@ def test_no_answer_is_told_in_time_and_the_next_call_connects_again(shapes: Any,
         client.add(1)
 
 
-def test_what_is_not_implemented_is_told_when_the_server_is_made(shapes: Any):
+def test_what_is_not_implemented_is_reported_when_the_server_is_made(shapes: Any):
     """Not when it is called."""
     with pytest.raises(TypeError, match="abstract method"):
         shapes.Adder()

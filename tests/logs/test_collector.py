@@ -75,9 +75,9 @@ def test_a_flood_takes_from_no_other_sender(network: Network, file: Path):
         store.let_go.set()
         collector.close()
         assert stored(file, Query(process="calm")) == [record("/log/vm/calm/2", number) for number in range(300)]
-        told = stored(file, Query(process="flood", component="rtf.logs", level=Level.WARNING))
+        warnings = stored(file, Query(process="flood", component="rtf.logs", level=Level.WARNING))
         kept = stored(file, Query(process="flood", text=" " * 100))
-    lost = sum(int(one.message.split()[0]) for one in told)
+    lost = sum(int(one.message.split()[0]) for one in warnings)
     assert lost == collector.dropped == 3000 - len(kept)
     assert kept == [record("/log/vm/flood/1", number, 100) for number in range(len(kept))]
     assert 500 < len(kept) < 1500

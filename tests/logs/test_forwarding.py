@@ -51,7 +51,7 @@ def forwarded(logger: logging.Logger, network: Network, **options: object) -> It
 
 
 def test_records_arrive_with_their_levels_and_a_last_one(network: Network, file: Path, logger: logging.Logger):
-    """Each level of logging is one of YARP's, the logger's name is the component, and the end is told."""
+    """Each level of logging is one of YARP's, the logger's name is the component, and the end is reported."""
     with LogStore(file) as store, Collector(store, network=network), forwarded(logger, network):
         for level in (5, 10, 20, 30, 40, 50):
             logger.log(level, "level %d", level)
@@ -201,10 +201,10 @@ def test_a_logger_that_stands_still_makes_no_one_wait(network: Network, logger: 
         going.set()
         handler.close()
         eventually(lambda: heard[-1].message == "Execution terminated", "the last record is missing")
-    told = [one for one in heard if one.component == "rtf.logs" and one.level is Level.WARNING]
-    lost = sum(int(one.message.split()[0]) for one in told)
+    warnings = [one for one in heard if one.component == "rtf.logs" and one.level is Level.WARNING]
+    lost = sum(int(one.message.split()[0]) for one in warnings)
     assert lost == handler.dropped
-    assert len(heard) - len(told) - 1 == sent - lost
+    assert len(heard) - len(warnings) - 1 == sent - lost
 
 
 def test_a_fork_has_a_port_of_its_own(network: Network, file: Path, logger: logging.Logger):

@@ -20,47 +20,47 @@ if TYPE_CHECKING:
     from rtf.middleware.ports.network import Network
 
 
-class Told(BaseException):
+class Interrupted(BaseException):
     """Raised by the signal handler."""
 
 
 @pytest.fixture
 def break_off() -> Iterator[Callable[[], None]]:
-    """Return a function that makes the main thread raise Told in its call, and returns when it has."""
+    """Return a function that makes the main thread raise Interrupted in its call, and returns when it has."""
     raised = threading.Event()
 
-    def tell(*_: object) -> None:
+    def interrupt(*_: object) -> None:
         if not raised.is_set():
             raised.set()
-            raise Told
+            raise Interrupted
 
-    def tell_until_raised() -> None:
+    def interrupt_until_raised() -> None:
         main = threading.main_thread().ident
         assert main is not None
         while not raised.is_set():  # a signal that comes just before the wait in the kernel does not wake it
             signal.pthread_kill(main, signal.SIGUSR1)
             raised.wait(0.02)
 
-    before = signal.signal(signal.SIGUSR1, tell)
-    yield tell_until_raised
+    before = signal.signal(signal.SIGUSR1, interrupt)
+    yield interrupt_until_raised
     signal.signal(signal.SIGUSR1, before)
 
 
 def test_an_answer_that_comes_too_late_is_not_taken_for_another(network: Network, break_off: Callable[[], None]):
     """An interrupted request closes its connection, so that its late answer is not taken for the next."""
-    told, may_answer = threading.Event(), threading.Event()
+    interrupted, may_answer = threading.Event(), threading.Event()
 
     def answer(question: Bottle) -> Bottle:
         if question.get(0) == "late":
             break_off()
-            told.set()
+            interrupted.set()
             assert may_answer.wait(10)
         return Bottle(["to", *question])
 
     with RpcServer("/server", answer, network=network), RpcClient("", "/server", network=network) as client:
-        with pytest.raises(Told):
+        with pytest.raises(Interrupted):
             client.call(Bottle(["late"]))
-        assert told.wait(10)
+        assert interrupted.wait(10)
         assert not client.outputs
         may_answer.set()
         client.add_output("/server")
@@ -79,7 +79,7 @@ def test_a_sleep_that_is_broken_off_is_not_the_end_of_time(network: Network, bre
 
     with closing(LockstepServer("/clock", advance, network=network)) as server:
         clock = LockstepClock("/clock", "test", network=network)
-        with pytest.raises(Told):
+        with pytest.raises(Interrupted):
             clock.sleep(1.0)
         passing.set()
         for _ in range(3):

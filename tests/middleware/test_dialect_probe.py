@@ -151,7 +151,7 @@ class TestWriters:
         assert four.messages == [encode(NUMBERS, Dialect.YARP4)]
 
 
-class TestReadersThatDoNotTell:
+class TestReadersOfUnknownDialect:
     """Readers whose dialect cannot be found out."""
 
     def test_numbers_are_refused(self, network: Network, said: list[str]) -> None:
@@ -179,7 +179,7 @@ class TestCost:
     """The cost of asking for the dialect."""
 
     def test_own_ports_are_asked_once(self, network: Network) -> None:
-        """A port of this library tells its dialect in its first reply, and stores no property."""
+        """A port of this library announces its dialect in its first reply, and stores no property."""
         with Port("/reader", lambda message: message.read(), network=network) as reader:
             with Port("/writer", network=network) as writer:
                 before = reader.properties.to_bottle()

@@ -164,7 +164,7 @@ class TestNotices:
         """Each end reports a connection and its end once, and no problem."""
         with Port("/writer", network=network) as writer, BufferedPort("/reader", network=network) as reader:
             writer.add_output("/reader", carrier)
-            eventually(lambda: len(noticed) == 2, "it was not told of")
+            eventually(lambda: len(noticed) == 2, "it was not reported")
             assert sorted(noticed) == [
                 f"Receiving input from /writer to /reader using {carrier}",
                 f"Sending output from /writer to /reader using {carrier}",
@@ -172,7 +172,7 @@ class TestNotices:
             noticed.clear()
             writer.remove_output("/reader")
             eventually(lambda: not reader.inputs, "the input is left")
-            eventually(lambda: len(noticed) == 2, "its end was not told of")
+            eventually(lambda: len(noticed) == 2, "its end was not reported")
             assert sorted(noticed) == [
                 "Removing input from /writer to /reader",
                 "Removing output from /writer to /reader",

@@ -96,7 +96,7 @@ class TestConnecting:
 
     def test_a_caller_for_whom_no_thread_is_free_is_cut_off(self, network: Network, monkeypatch: pytest.MonkeyPatch):
         """The error is reported, and the port neither keeps the caller nor waits for it at the end."""
-        told: list[str] = []
+        reported: list[str] = []
         start = threading.Thread.start
 
         def refuse_inputs(thread: threading.Thread) -> None:
@@ -104,13 +104,13 @@ class TestConnecting:
                 raise RuntimeError("can't start new thread")
             start(thread)
 
-        monkeypatch.setattr(threading, "excepthook", lambda args: told.append(str(args.exc_value)))
+        monkeypatch.setattr(threading, "excepthook", lambda args: reported.append(str(args.exc_value)))
         with Port("/reader", network=network) as reader:
             with monkeypatch.context() as patch:
                 patch.setattr(threading.Thread, "start", refuse_inputs)
                 with socket.create_connection((reader.contact.host, reader.contact.port), timeout=2) as connection:
                     assert connection.recv(1) == b""
-            eventually(lambda: told == ["can't start new thread"], "the error is not told")
+            eventually(lambda: reported == ["can't start new thread"], "the error is not reported")
             assert not reader._inputs
             with Port("/writer", network=network) as writer:
                 writer.add_output("/reader")
@@ -311,8 +311,8 @@ class TestBuffered:
 
     def test_an_error_of_the_callback_costs_no_other_object(self, network: Network, monkeypatch: pytest.MonkeyPatch):
         """An error of the callback reaches threading.excepthook, and later objects are passed on."""
-        told: list[str] = []
-        monkeypatch.setattr(threading, "excepthook", lambda args: told.append(str(args.exc_value)))
+        reported: list[str] = []
+        monkeypatch.setattr(threading, "excepthook", lambda args: reported.append(str(args.exc_value)))
         got: list[object] = []
 
         def call(received: Received[Bottle]) -> None:
@@ -328,7 +328,7 @@ class TestBuffered:
             for number in range(3):
                 writer.write(Bottle([number]))
             eventually(lambda: got == [0, 1, 2], "objects are missing", 2.0)
-        assert told == ["no zero"]
+        assert reported == ["no zero"]
 
     @pytest.mark.parametrize("error", [ValueError, BottleError])
     def test_an_error_of_a_local_reader_ends_its_connection(
@@ -456,7 +456,7 @@ class TestRpc:
         with RpcServer("/server", handle, network=network):
             with RpcClient("/client", "/server", network=network) as client, pytest.raises(MiddlewareError):
                 client.call(Bottle(["luck"]), timeout=5)
-            eventually(lambda: any("no luck here" in line for line in said), "nobody was told")
+            eventually(lambda: any("no luck here" in line for line in said), "nobody was reported")
             with RpcClient("/other", "/server", network=network) as client, pytest.raises(MiddlewareError):
                 client.call(Bottle(["luck"]), timeout=5)
 

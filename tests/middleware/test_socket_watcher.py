@@ -121,8 +121,8 @@ def test_an_error_is_reported_and_the_others_go_on(
     watcher: SocketWatcher, monkeypatch: pytest.MonkeyPatch, error: type[BaseException]
 ):
     """An error of a callback reaches threading.excepthook, and other sockets are read."""
-    told: list[type[BaseException]] = []
-    monkeypatch.setattr(threading, "excepthook", lambda args: told.append(args.exc_type))
+    reported: list[type[BaseException]] = []
+    monkeypatch.setattr(threading, "excepthook", lambda args: reported.append(args.exc_type))
     broken, sound = socket.socketpair(), Ear(watcher)
 
     def fail() -> None:
@@ -131,7 +131,7 @@ def test_an_error_is_reported_and_the_others_go_on(
 
     watcher.add(broken[0], fail)
     broken[1].send(b"hello")
-    eventually(lambda: told == [error], "the error is not told")
+    eventually(lambda: reported == [error], "the error is not reported")
     assert sound.hears()
     watcher.remove(broken[0])
     for end in broken:

@@ -102,12 +102,12 @@ class TestLockstep:
 
     def test_time_passes_in_one_thread_at_a_time(self, network: Network):
         """Steps and resets are never executed at the same time, and steps are in order."""
-        told: list[float] = []
+        steps: list[float] = []
         busy = threading.Lock()
 
         def advance(until: float) -> float:
             assert busy.acquire(blocking=False), "time passes twice"
-            told.append(until)
+            steps.append(until)
             busy.release()
             return until
 
@@ -133,8 +133,8 @@ class TestLockstep:
                 thread.join(20.0)
             assert not any(thread.is_alive() for thread in threads)
             assert server.broken is None
-        assert told == sorted(set(told))
-        assert told[-1] >= 60 * 0.007
+        assert steps == sorted(set(steps))
+        assert steps[-1] >= 60 * 0.007
 
     def test_it_is_closed_when_time_passes_no_more(self, network: Network):
         """``close`` waits for the running step, so that the simulation can be freed afterwards."""

@@ -174,8 +174,8 @@ def test_a_source_that_comes_while_the_recorder_looks_has_not_ended(
 ):
     """It is connected once, and its end is not reported."""
     monkeypatch.setattr("rtf.recording.recorder._WATCH", 0.01)
-    told: list[str] = []
-    network.report = told.append
+    reported: list[str] = []
+    network.report = reported.append
     looked, connected, looked_again = threading.Event(), threading.Event(), threading.Event()
 
     class Sources(dict[str, str]):
@@ -203,7 +203,7 @@ def test_a_source_that_comes_while_the_recorder_looks_has_not_ended(
         recorder.close()
     info = (tmp_path / "run/camera/info.log").read_text().splitlines()
     assert [line.split(" ", 1)[1] for line in info] == ["Bottle;", "tx+rx;", "/camera [connected]"]
-    assert told == []
+    assert reported == []
 
 
 def test_what_does_not_fit_into_memory_is_counted(tmp_path: Path, network: Network):
@@ -246,10 +246,10 @@ def test_what_a_sender_skips_is_counted(tmp_path: Path, network: Network):
     assert (recorder.written["/a"], recorder.skipped["/a"]) == (7, 2)
 
 
-def test_what_is_no_message_of_yarp_is_counted_and_told(tmp_path: Path, network: Network):
+def test_what_is_no_message_of_yarp_is_counted_and_reported(tmp_path: Path, network: Network):
     """The others of the stream are recorded."""
-    told: list[str] = []
-    network.report = told.append
+    reported: list[str] = []
+    network.report = reported.append
     from rtf.middleware.types.codecs import RAW
 
     with create_store(tmp_path / "run") as store, Recorder(store, network=network) as recorder:
@@ -260,7 +260,7 @@ def test_what_is_no_message_of_yarp_is_counted_and_told(tmp_path: Path, network:
             port.write(b"\x01\x02", BYTES)
         recorder.close()
     assert (recorder.written["/a"], recorder.refused["/a"]) == (2, 1)
-    assert [text for text in told if "a message of /a is not recorded" in text]
+    assert [text for text in reported if "a message of /a is not recorded" in text]
 
 
 def test_a_source_that_is_not_there_is_an_error(tmp_path: Path, network: Network):

@@ -124,27 +124,27 @@ def of_a_fixture(draw: st.DrawFn, suite: str):
 @st.composite
 def runs(draw: st.DrawFn):
     """Draw the events of a run, perhaps one that was cut off."""
-    told = [e.RunStarted(run=draw(TEXT), version="1", robot=draw(TEXT), environment={draw(TEXT): draw(TEXT)})]
+    events = [e.RunStarted(run=draw(TEXT), version="1", robot=draw(TEXT), environment={draw(TEXT): draw(TEXT)})]
     plan = {suite: draw(st.integers(0, 3)) for suite in SUITES[: draw(st.integers(1, 3))]}
     for suite, count in plan.items():
-        told.append(e.SuitePlanned(suite=suite, name=draw(TEXT), file=draw(TEXT), description=draw(TEXT)))
-        told += [
+        events.append(e.SuitePlanned(suite=suite, name=draw(TEXT), file=draw(TEXT), description=draw(TEXT)))
+        events += [
             e.TestPlanned(
                 test=f"{suite}/{n}", suite=suite, name=draw(TEXT), file=draw(TEXT), line=n, tags=(draw(TEXT),)
             )
             for n in range(count)
         ]
     for suite, count in plan.items():
-        told.append(e.SuiteStarted(suite=suite))
+        events.append(e.SuiteStarted(suite=suite))
         for number in range(count):
             test = f"{suite}/{number}"
-            told += draw(st.lists(of_a_fixture(suite), max_size=2))
+            events += draw(st.lists(of_a_fixture(suite), max_size=2))
             attempts = draw(st.sampled_from([1, 2, 0]))
             for attempt in range(1, attempts + 1):
-                told.append(e.TestStarted(test=test, attempt=attempt))
-                told += draw(st.lists(said_of_a_test(test), max_size=4))
+                events.append(e.TestStarted(test=test, attempt=attempt))
+                events += draw(st.lists(said_of_a_test(test), max_size=4))
                 verdict, final = draw(st.sampled_from(Verdict)), attempt == attempts
-                told.append(
+                events.append(
                     e.TestEnded(
                         test=test,
                         verdict=verdict,
@@ -156,9 +156,9 @@ def runs(draw: st.DrawFn):
                         duration=draw(LENGTH),
                     ),
                 )
-        told.append(e.SuiteEnded(suite=suite, verdict=draw(st.sampled_from(Verdict)), duration=draw(LENGTH)))
+        events.append(e.SuiteEnded(suite=suite, verdict=draw(st.sampled_from(Verdict)), duration=draw(LENGTH)))
     text = draw(TEXT)
-    told += draw(
+    events += draw(
         st.lists(
             st.sampled_from(
                 [
@@ -171,10 +171,10 @@ def runs(draw: st.DrawFn):
             max_size=2,
         ),
     )
-    steps = draw(st.lists(st.floats(0, 20), min_size=len(told), max_size=len(told)))
+    steps = draw(st.lists(st.floats(0, 20), min_size=len(events), max_size=len(events)))
     now = 1.75e9
     timed = []
-    for event, step in zip(told, steps, strict=True):
+    for event, step in zip(events, steps, strict=True):
         now += step
         timed.append(replace(event, time=now))
     return timed[: draw(st.none() | st.integers(1, len(timed)))], draw(st.booleans())

@@ -101,9 +101,9 @@ def test_a_killed_run_is_not_in_it_until_it_is_resumed_or_taken_in(folder: Path)
     """A killed run is not in the history; ``--import`` adds it as interrupted, and refuses a run that goes on."""
     running = Command(folder, *RUN, HANG="1")
     running.wait_for(lambda events: any(isinstance(e, Measured) and e.name == "before" for e in events))
-    told = run_command(folder, "history", "--import", "rtf-runs/latest", "--history", "h.sqlite")
-    assert told.exit_code == ExitCode.USAGE
-    assert "this run is still going on" in told.stderr
+    imported = run_command(folder, "history", "--import", "rtf-runs/latest", "--history", "h.sqlite")
+    assert imported.exit_code == ExitCode.USAGE
+    assert "this run is still going on" in imported.stderr
     running.signal(signal.SIGKILL)
     running.wait()
     assert running.left_over() == []
@@ -120,7 +120,7 @@ def test_a_killed_run_is_not_in_it_until_it_is_resumed_or_taken_in(folder: Path)
 
 
 @pytest.mark.parametrize(
-    ("target", "told"),
+    ("target", "message"),
     [
         ("/proc/nowhere/h.sqlite", "name a file that can be written with --history FILE"),
         ("s.xml/h.sqlite", "name a file that can be written with --history FILE"),
@@ -128,12 +128,12 @@ def test_a_killed_run_is_not_in_it_until_it_is_resumed_or_taken_in(folder: Path)
         (".", "name a file that can be written with --history FILE"),
     ],
 )
-def test_a_history_that_cannot_be_opened_is_an_error_before_the_run(folder: Path, target: str, told: str):
+def test_a_history_that_cannot_be_opened_is_an_error_before_the_run(folder: Path, target: str, message: str):
     """A history that cannot be opened is a usage error with a hint, before any test runs."""
     done = run_command(folder, *RUN[:-1], f"history={target}")
     assert done.exit_code == ExitCode.USAGE
     assert done.stderr.startswith("testrunner: report history cannot be written: cannot use the history")
-    assert told in done.stderr
+    assert message in done.stderr
     assert not done.of(TestStarted)
 
 
@@ -196,10 +196,10 @@ def test_a_journal_that_cannot_be_read_changes_no_verdict(tmp_path: Path, monkey
     (tmp_path / FILE_NAME).write_text('{"event":"run_started","run":"r","version":"1"}\nnothing\nnothing\n')
     reporter = load_reporter("history")(ReportOptions(tmp_path / "h.sqlite", tmp_path))
     reporter.open()
-    told: list[str] = []
-    monkeypatch.setattr("atexit.register", lambda _print, text, **_: told.append(text))
+    printed: list[str] = []
+    monkeypatch.setattr("atexit.register", lambda _print, text, **_: printed.append(text))
     reporter.close(RunResult())
-    assert f"this run is not in it: {tmp_path / FILE_NAME}:2: not JSON" in told[0]
+    assert f"this run is not in it: {tmp_path / FILE_NAME}:2: not JSON" in printed[0]
     assert kept(tmp_path / "h.sqlite") == []
 
 

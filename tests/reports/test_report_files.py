@@ -43,7 +43,7 @@ def test_durations_are_written_for_people(seconds: float, text: str):
     assert text == report_text.duration(seconds)
 
 
-def test_counts_tell_first_what_needs_attention():
+def test_counts_begin_with_what_needs_attention():
     """Counts begin with the verdicts that need attention, and leave out those that are zero."""
     numbers = {Verdict.PASSED: 4, Verdict.ERROR: 2, Verdict.FAILED: 1, Verdict.EXPECTED_FAILURE: 1, Verdict.SKIPPED: 0}
     assert report_text.counts(numbers) == "1 failed, 2 errors, 1 expected failure, 4 passed"

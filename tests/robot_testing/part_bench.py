@@ -69,8 +69,8 @@ class CoupledBoard(FakeBoard):
 
     def reference_duty_cycles(self, motors: AxisSelection = None) -> FloatArray:
         """See IPWMControl."""
-        told: FloatArray = np.trunc(super().reference_duty_cycles(motors) / self.duty_step) * self.duty_step
-        return told
+        reported: FloatArray = np.trunc(super().reference_duty_cycles(motors) / self.duty_step) * self.duty_step
+        return reported
 
     def set_control_modes(self, modes: ControlMode | Sequence[ControlMode], joints: AxisSelection = None) -> None:
         """See IControlMode."""

@@ -143,7 +143,7 @@ def test_the_stopped_joint_fails_and_not_the_tested_one(
     """The tested joint is not judged; it is held where it is, and the next one is tested."""
     every = np.full(3, 10.0)
     test = made(name, speeds=every, beyond=every, near=every, bottom=-every, top=every, _spans={}, **more)
-    test._told, test._heading = {0: []}, {}
+    test._commanded, test._heading = {0: []}, {}
     routine = test._routine(0)
     next(routine)
     bench.time.sleep(0.1)
@@ -182,11 +182,11 @@ def test_a_stop_ends_the_sub_result(
 ):
     """Whether the test handles the error or not."""
     test, error = made(), GuardError("joint1 turns too fast; it was stopped", 1, excuse)
-    with test.subresult("told"):
+    with test.subresult("reported"):
         test.blame(bench.part, error, "runs away", during="group")
-    with test.subresult("untold"):
+    with test.subresult("unreported"):
         raise error
-    assert verdicts(said) == {"told": verdict, "untold": verdict}
+    assert verdicts(said) == {"reported": verdict, "unreported": verdict}
     text = [one.reason for one in said if isinstance(one, SubResultEnded)] if excuse else [*failures(said).values()]
     assert text[0].startswith("group: joint1 turns too fast; it was stopped; ")
     assert ("likely: gains far too large" in text[0]) is not bool(excuse)
@@ -206,7 +206,7 @@ def test_a_stop_for_which_a_test_is_not_prepared_is_judged_by_the_evidence(
     assert "joint1 turns too fast" in failures(said)["move"]
 
 
-def test_a_stop_counts_as_it_is_if_its_part_tells_no_more(
+def test_a_stop_counts_as_it_is_if_its_part_reports_no_more(
     bench: PartBench, said: list[Event], made: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ):
     """Such as a board that was lost."""
@@ -302,8 +302,8 @@ def test_a_wrong_amplitude_has_causes(made: Callable[..., Any]):
 
 def test_the_recorded_command_is_the_last_one():
     """Before the first command it is the first one, so that the plot has a line."""
-    told = [(1.0, 10.0), (2.0, -10.0)]
-    assert command_at(np.array([0.5, 1.0, 1.9, 2.0, 9.0]), told).tolist() == [10.0, 10.0, 10.0, -10.0, -10.0]
+    commands = [(1.0, 10.0), (2.0, -10.0)]
+    assert command_at(np.array([0.5, 1.0, 1.9, 2.0, 9.0]), commands).tolist() == [10.0, 10.0, 10.0, -10.0, -10.0]
 
 
 def test_a_joint_that_shares_motors_with_a_culprit_is_not_judged(

@@ -64,7 +64,7 @@ def test_a_motor_that_turns_with_another_joint_is_not_frozen():
         test.swinger, test._swings = swinger, {0: type("Swing", (), {"trace": trace})}
         test._judge(0, outcome, trace)
         assert test.kept.failures == []
-        assert test.kept.values["speed of the joint, derived by told"] == pytest.approx(1.0, abs=0.01)
+        assert test.kept.values["speed of the joint, derived by reported"] == pytest.approx(1.0, abs=0.01)
 
 
 @pytest.mark.parametrize(("factor", "fails"), [(1.0, False), (0.8, True)])
@@ -79,11 +79,11 @@ def test_speeds_in_coarse_steps_are_judged_by_their_means(factor: float, fails: 
     test = kept_test("OpticalEncodersConsistency", robot_part=SimpleNamespace(names=["eye"]))
     test._judge_speed(0, "motor", time, step * counted(time), speeds)
     assert bool(test.kept.failures) is fails
-    assert test.kept.values["speed of the motor, derived by told"] == pytest.approx(1.0 / factor, rel=0.05)
+    assert test.kept.values["speed of the motor, derived by reported"] == pytest.approx(1.0 / factor, rel=0.05)
 
 
 def test_a_speed_that_stands_still_is_a_failure():
-    """A board that always tells the same speed of a joint that moves does not update it."""
+    """A board that always reports the same speed of a joint that moves does not update it."""
     test, time = (
         kept_test("OpticalEncodersConsistency", robot_part=SimpleNamespace(names=["eye"])),
         0.01 * np.arange(400),

@@ -43,8 +43,8 @@ def bench() -> Iterator[PartBench]:
 def test_torques_are_averaged(bench):
     """A single state is beyond the limit of 0.3 Nm once in twenty times, and the mean never is."""
     test = kept_test("TorqueControlConsistency", robot_part=bench.part)
-    told = np.array([0.0, np.nan, 2.0])
-    found = [test._measure(bench.part, [2, 0], told, bench.board.encoders())[0] for _ in range(60)]
+    commanded = np.array([0.0, np.nan, 2.0])
+    found = [test._measure(bench.part, [2, 0], commanded, bench.board.encoders())[0] for _ in range(60)]
     assert np.std(found, axis=0) == pytest.approx(0.15 / np.sqrt(5), rel=0.3)
     assert np.abs(np.array(found) - [0, 1, 2]).max() < 0.3
 

@@ -61,7 +61,7 @@ def test_all_errors_are_reported_at_once():
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("jamm l_elbow", "there is no fault 'jamm'"),
         ("jam", "no joint ''; its joints are neck_pitch, "),
@@ -69,9 +69,9 @@ def test_all_errors_are_reported_at_once():
         ("jam l_elbow torque=nan", "torque is from 0"),
     ],
 )
-def test_an_invalid_fault_is_refused(text, told):
+def test_an_invalid_fault_is_refused(text, message):
     """Its kind, its joint and its numbers have to be those of the simulator."""
-    with pytest.raises(ParameterError, match=told):
+    with pytest.raises(ParameterError, match=message):
         given(inject=text)
 
 

@@ -87,7 +87,9 @@ def test_other_tests_of_the_robot_keep_their_defaults(tmp_path: Path):
         (PROFILE.replace("0.5", "'much'"), "tremor: much is no number ({file}:{line}, measured on bench 3)"),
     ],
 )
-def test_a_wrong_value_is_told_with_its_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, written: str, said: str):
+def test_a_wrong_value_is_reported_with_its_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, written: str, said: str
+):
     """By 'rtf robot check', which tries all of them, and by each run of the test."""
     monkeypatch.chdir(tmp_path)
     file = robot_with(tmp_path, written)
@@ -99,8 +101,8 @@ def test_a_wrong_value_is_told_with_its_line(tmp_path: Path, monkeypatch: pytest
     assert said.format(file=file, line=line).split(" is ")[0] in str(caught.value)
 
 
-def test_an_unknown_test_is_told_with_its_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Its thresholds would be used nowhere; the nearest name is told. A test beside the suite is known."""
+def test_an_unknown_test_is_reported_with_its_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Its thresholds would be used nowhere; the nearest name is suggested. A test beside the suite is known."""
     monkeypatch.chdir(tmp_path)
     file = robot_with(tmp_path, PROFILE.replace("steadyHand", "steadyHead"))
     line = file.read_text(encoding="utf-8").splitlines().index("[thresholds.steadyHead]") + 1

@@ -118,7 +118,7 @@ def test_sensors_are_on_topics(node: Callable[..., Node], network: Network):
         ),
     ],
 )
-def test_a_wrong_group_is_told(network: Network, group: str, complaint: str):
+def test_a_wrong_group_is_reported(network: Network, group: str, complaint: str):
     """When the server is opened."""
     with pytest.raises(ConfigurationError, match=complaint):
         make_device("controlboardwrapper2", Property.parse(f"(name /robot/arm) {group}"), network=network)
@@ -139,7 +139,7 @@ def test_a_server_without_a_topic_says_so(network: Network):
         (GROUP.format("true", "/t", '"/n n"', ""), "'n n' is no name of a node"),
     ],
 )
-def test_what_cannot_be_published_is_told(network: Network, group: str, complaint: str):
+def test_what_cannot_be_published_is_reported(network: Network, group: str, complaint: str):
     """When it is attached; the ports are not opened."""
     configuration = f"(name /robot/arm) {group}"
     with (

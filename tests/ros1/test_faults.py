@@ -106,7 +106,7 @@ def test_a_publisher_that_violates_the_protocol(
     got: list[str] = []
     with hostile(ros, answer, encode_header(HEADER) + HELLO):
         node("listener").subscribe("chatter", STRING, lambda message: got.append(message.data))
-        eventually(lambda: said and got, f"nothing was told or came: {said} {got}")
+        eventually(lambda: said and got, f"nothing was reported or came: {said} {got}")
     assert complaint in said[0]
     assert said[0].startswith("/chatter of http://127.0.0.1:")
     assert got[-1] == "hello"
@@ -226,7 +226,7 @@ def test_a_publisher_that_is_killed_is_missed_and_found_again(ros: Ros, node: Ca
         with ros.running(*command):
             eventually(lambda: got, "nothing came")
         eventually(lambda: not received.publishers, "it is not missed")
-    eventually(lambda: any("does not answer requestTopic" in one for one in said), f"it was not told: {said}")
+    eventually(lambda: any("does not answer requestTopic" in one for one in said), f"it was not reported: {said}")
 
 
 @pytest.mark.parametrize(
@@ -251,7 +251,7 @@ def test_calls_that_are_none_are_refused(node: Callable[..., Node], call: tuple[
     assert call_node(talker._contents.uri, "getPublications", "/m") == [["/chatter", "std_msgs/String"]]
 
 
-def test_what_is_no_master_is_told():
+def test_what_is_no_master_is_reported():
     """A node, for instance."""
     with (
         closing(xml_rpc.Server("127.0.0.1", lambda _, __: [1, "", "seven"])) as other,

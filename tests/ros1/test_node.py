@@ -84,7 +84,7 @@ def test_a_message_that_is_none_is_refused(node: Callable[..., Node]):
 
 
 def test_services_answer(node: Callable[..., Node], said: list[str]):
-    """One connection for many calls; what a service raises is told to both."""
+    """One connection for many calls; what a service raises is reported to both."""
     server, caller = node("server", "/lab"), node("caller")
 
     def switch(request: Any) -> Any:
@@ -202,7 +202,7 @@ def test_a_second_node_of_a_name_ends_the_first(node: Callable[..., Node], said:
     first = node("same")
     first.publisher("one", STRING)
     node("same").publisher("two", STRING)
-    eventually(lambda: any("/same ends, as its master says" in one for one in said), f"it was not told: {said}")
+    eventually(lambda: any("/same ends, as its master says" in one for one in said), f"it was not reported: {said}")
     eventually(lambda: first._contents.closed, "it is still open")
 
 
@@ -225,7 +225,7 @@ def test_a_topic_has_one_type(node: Callable[..., Node]):
         one.subscribe("chatter", IMAGE, lambda _: None)
 
 
-def test_without_a_master_it_is_told(monkeypatch: pytest.MonkeyPatch):
+def test_a_missing_master_is_reported(monkeypatch: pytest.MonkeyPatch):
     """With its address, as everywhere else it could be wrong."""
     monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:9")
     with pytest.raises(MasterError, match=r"http://127\.0\.0\.1:9 does not answer getPid"):

@@ -43,7 +43,7 @@ def test_topics_and_services_have_the_names_of_ports(ros: Ros):
     assert nodes_of(ros) == set()
 
 
-def test_wrong_names_are_told():
+def test_wrong_names_are_reported():
     """What is missing, and how it is written."""
     with Nodes() as nodes:
         with pytest.raises(Ros1Error, match=r"has the category -; here it is \+, or none"):

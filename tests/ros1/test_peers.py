@@ -99,19 +99,19 @@ def test_topics_go_to_rospy_and_back(ros: Ros, node: Callable[..., Node]):
         assert "rosout" in [one.name for one in found.loggers]
 
 
-def test_a_program_with_other_types_is_told(ros: Ros, node: Callable[..., Node], said: list[str]):
+def test_a_program_with_other_types_is_reported(ros: Ros, node: Callable[..., Node], said: list[str]):
     """On both sides; who has the right one gets the messages."""
     here, got = node("here"), list[str]()
     ours = here.publisher("ours", STRING)
     here.subscribe("theirs", STRING, lambda _: None)
     here.subscribe("ours", STRING, lambda message: got.append(message.data))
     with ros.running("/usr/bin/python3", "-c", WRONG):
-        eventually(lambda: len({one.partition(":")[0] for one in said}) == 2, f"it was not told: {said}")
+        eventually(lambda: len({one.partition(":")[0] for one in said}) == 2, f"it was not reported: {said}")
         ours.publish(STRING("right"))
         eventually(lambda: got == ["right"], "nothing came")
-    told = "\n".join(said)
-    assert "/wrong wants /ours with md5sum 'da5909fbe378aeaf85e547e830cc1bb7'; /here has" in told
-    assert "it refuses: " in told
+    reported = "\n".join(said)
+    assert "/wrong wants /ours with md5sum 'da5909fbe378aeaf85e547e830cc1bb7'; /here has" in reported
+    assert "it refuses: " in reported
 
 
 def test_rostopic_shows_ours(ros: Ros, node: Callable[..., Node]):
@@ -135,7 +135,7 @@ def test_rostopic_shows_ours(ros: Ros, node: Callable[..., Node]):
 
 
 def test_rostopic_publishes_to_ours(ros: Ros, node: Callable[..., Node], said: list[str]):
-    """``pub``, which ends: nothing is told of that."""
+    """``pub``, which ends: that is not reported."""
     got: list[str] = []
     node("here", "/lab").subscribe("chatter", STRING, lambda message: got.append(message.data))
     ros.run("rostopic", "pub", "-1", "/lab/chatter", "std_msgs/String", "data: from rostopic")

@@ -76,7 +76,7 @@ def test_any_bytes_are_a_header_or_an_error(data: bytes):
         (b"\3\0\0\0a=\xff", "is no text"),
     ],
 )
-def test_what_is_wrong_in_a_header_is_told(body: bytes, complaint: str):
+def test_what_is_wrong_in_a_header_is_reported(body: bytes, complaint: str):
     """A length is not believed."""
     with pytest.raises(PeerError, match=complaint):
         decode_header(body)

@@ -76,7 +76,7 @@ def test_bytes_are_those_of_ros():
 
 
 def test_a_message_is_made_with_what_is_given():
-    """The rest is zero; lists become arrays, and what does not fit is told."""
+    """The rest is zero; lists become arrays, and what does not fit is reported."""
     image = message_type("sensor_msgs/Image")(height=1, width=2, encoding="rgb8", data=b"abcdef")
     assert (image.height, image.data.tolist(), image.header.frame_id) == (1, [97, 98, 99, 100, 101, 102], "")
     state = message_type("sensor_msgs/JointState")

@@ -159,7 +159,7 @@ def why(network: Network, domain: int, text: str) -> str:
     return str(caught.value)
 
 
-def test_what_is_missing_is_told(node: Callable[..., Node], network: Network, domain: int):
+def test_what_is_missing_is_reported(node: Callable[..., Node], network: Network, domain: int):
     """Parameters, the controller, the description, a joint, states: the first that is missing."""
     assert "controller: it is missing" in why(network, domain, "")
     wrong = why(network, domain, "(controller c) (interface force)")
@@ -174,7 +174,7 @@ def test_what_is_missing_is_told(node: Callable[..., Node], network: Network, do
     assert "no state of knee came on /joint_states within 0.3 s" in why(network, domain, f"{knee} (patience 0.3)")
 
 
-def test_a_controller_that_does_not_obey_is_told(node: Callable[..., Node], network: Network, domain: int):
+def test_a_controller_that_does_not_obey_is_reported(node: Callable[..., Node], network: Network, domain: int):
     """An inactive one, an unknown one, and one that is listed while nobody listens."""
     manager = node("manager")
     states = [ControllerState("c", "inactive")]
@@ -192,7 +192,7 @@ def test_a_controller_that_does_not_obey_is_told(node: Callable[..., Node], netw
         assert said.startswith("nobody takes commands on c/commands")
 
 
-def test_only_what_is_measured_is_told(node: Callable[..., Node], network: Network, domain: int):
+def test_only_what_is_measured_is_published(node: Callable[..., Node], network: Network, domain: int):
     """A robot without velocities and efforts has positions; nothing is sent before there is a command."""
     here, got = node("robot"), []
     here.subscribe("c/commands", Float64MultiArray, got.append)
@@ -262,7 +262,7 @@ def position(board: Any) -> float:
 
 
 def test_a_robot_that_is_killed_is_missed_and_comes_back(node: Callable[..., Node], network: Network, domain: int):
-    """Without states measurements are stale, and it is told once; those of the next program count."""
+    """Without states measurements are stale, and it is reported once; those of the next program count."""
     said: list[str] = []
     network.report = said.append
     Talker(node("description")).describe("knee")

@@ -96,7 +96,7 @@ def test_a_length_is_bounded_by_the_message():
             kind.deserialize(b"\0\1\0\0" + head + struct.pack("<I", 2**32 - 1) + b"abcd")
 
 
-def test_what_cannot_be_sent_is_told():
+def test_what_cannot_be_sent_is_reported():
     """With the class; the text is that of the field's error."""
     for message in (
         Time(2**40),

@@ -136,7 +136,7 @@ def test_a_part_has_one_owner_until_that_has_gone(node: Callable[..., Node], net
                 assert owner.stdout.readline() == b"sent\n"
                 eventually(lambda: robot.board.encoders()[0] > 5.7, "it does not arrive")
                 there.publish(degrees(1.0, 0.0, 0.0))
-                eventually(lambda: robot.said, "nothing is told")
+                eventually(lambda: robot.said, "nothing is reported")
                 assert "another program has commanded the part, and is still there" in robot.said[0]
                 assert robot.board.encoders()[0] > 5.7
             finally:
@@ -181,7 +181,7 @@ def test_anybody_may_stop(node: Callable[..., Node], network: Network):
 
 
 def test_a_joint_in_another_mode_is_not_put_back(node: Callable[..., Node], network: Network):
-    """Somebody has switched it off: it is told which, and nothing moves."""
+    """Somebody has switched it off: it is named, and nothing moves."""
     with ros_robot(node, network) as robot:
         there = node("user").publisher(COMMANDS, Float64MultiArray)
         ready(there)

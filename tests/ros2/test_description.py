@@ -42,7 +42,7 @@ def test_joints_that_move_by_themselves_are_read():
         ('<!DOCTYPE r [<!ENTITY e SYSTEM "file:///etc/passwd">]><robot name="&e;"/>', "is no XML"),
     ],
 )
-def test_what_is_no_description_is_told(text: str, complaint: str):
+def test_what_is_no_description_is_reported(text: str, complaint: str):
     """With its line; files of this machine are not read."""
     with pytest.raises(DescriptionError, match=complaint):
         read_joints(text)

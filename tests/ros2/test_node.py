@@ -109,7 +109,7 @@ def test_names_of_topics(node: Callable[..., Node]):
 
 
 def test_the_domain_is_that_of_the_environment(monkeypatch: pytest.MonkeyPatch):
-    """A wrong one is told."""
+    """A wrong one is reported."""
     monkeypatch.setenv("ROS_DOMAIN_ID", "7")
     assert domain_of_environment() == 7
     for wrong in ("x", "233", "-1"):

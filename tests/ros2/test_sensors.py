@@ -1,4 +1,4 @@
-"""Sensors over ROS 2: forces, inertial units, pictures, in the units of boards; what is missing is told."""
+"""Sensors over ROS 2: forces, inertial units, pictures, in the units of boards; what is missing is reported."""
 
 from __future__ import annotations
 
@@ -121,14 +121,14 @@ def test_pictures(
         (Image(height=2, width=2, encoding="rgb8", step=2, data=bytes(60)), "60 bytes are no picture of 2 x 2"),
     ],
 )
-def test_a_picture_that_is_none_is_told(
+def test_a_picture_that_is_none_is_reported(
     node: Callable[..., Node], network: Network, domain: int, image: Image, complaint: str
 ):
     """When it is asked for."""
     there = node("robot").publisher("there", Image)
     with closing(opened("ros2Camera", domain, network, "(timeout 5.0)")) as camera:
 
-        def told() -> bool:
+        def reported() -> bool:
             there.publish(image)
             try:
                 camera.image()
@@ -138,10 +138,10 @@ def test_a_picture_that_is_none_is_told(
                 return complaint in str(error)
             return False
 
-        eventually(told, "nothing was told")
+        eventually(reported, "nothing was reported")
 
 
-def test_a_topic_that_is_none_is_told(network: Network, domain: int):
+def test_a_topic_that_is_none_is_reported(network: Network, domain: int):
     """When the device is opened."""
     with pytest.raises(DeviceError, match="'a b' is no name of a topic"):
         make_device("ros2Imu", Property.parse(f'(topic "a b") (domain {domain})'), network=network)

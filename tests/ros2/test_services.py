@@ -89,7 +89,7 @@ def test_each_client_gets_its_own_responses(node: Callable[..., Node]):
         assert all(pool.map(ask, range(30)))
 
 
-def test_no_service_and_no_answer_are_told(node: Callable[..., Node]):
+def test_no_service_and_no_answer_are_reported(node: Callable[..., Node]):
     """Each in its time; an answer that fails is reported by its node, which goes on."""
     said: list[str] = []
     server = node("server", report=said.append)
@@ -156,7 +156,7 @@ def test_controllers_are_listed(node: Callable[..., Node]):
     assert client.call(ListControllersRequest(), 20.0).controller == [state]
 
 
-def test_a_message_that_cannot_be_read_is_told(node: Callable[..., Node], domain: int):
+def test_a_message_that_cannot_be_read_is_reported(node: Callable[..., Node], domain: int):
     """Others that follow arrive."""
     said: list[str] = []
     got: list[str] = []
@@ -169,12 +169,12 @@ def test_a_message_that_cannot_be_read_is_told(node: Callable[..., Node], domain
         def serialize(self, *_: object, **__: object) -> bytes:
             return bytes.fromhex("0001000002000000ff00")
 
-    def told() -> bool:
+    def reported() -> bool:
         writer.write(Broken())
         writer.write(String("next"))
         return bool(said and got)
 
-    eventually(told, "nothing was told")
+    eventually(reported, "nothing was reported")
     assert said[0].startswith("rt/chatter: String of 12 bytes cannot be read: 'utf-8' codec")
     assert set(got) == {"next"}
 

@@ -105,7 +105,7 @@ class TestCouplings:
         assert all(len(row) == block.size for block in blocks for row in block.joint_to_motor)
 
     @pytest.mark.parametrize("part", PARTS)
-    def test_motors_tell_the_joints(self, part: str):
+    def test_joints_follow_from_motors(self, part: str):
         """Joints computed from motors that were computed from joints are the same."""
         joints = np.arange(1.0, len(PARTS[part]) + 1)
         motors = joint_to_motor(part) @ joints

@@ -127,7 +127,7 @@ class TestCameras:
 class TestBackEnds:
     """The choice of a back-end of the renderer."""
 
-    def test_machine_without_any_is_told_what_repairs_it(self, monkeypatch):
+    def test_error_without_any_names_the_remedy(self, monkeypatch):
         """The error names the packages to install, and why each back-end failed."""
         monkeypatch.setattr(rendering, "_load", lambda name: None)
         monkeypatch.delenv(rendering.VARIABLE, raising=False)

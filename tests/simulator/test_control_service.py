@@ -119,7 +119,7 @@ def test_the_status_says_how_it_is(bench: Bench):
     assert status.broken == ""
 
 
-def test_who_waits_is_told_with_the_time(bench: Bench):
+def test_who_waits_is_in_the_status_with_the_time(bench: Bench):
     """The status names a participant that sleeps, and when it will wake up."""
     bench.control.pause()
     waiting = LockstepClock("/clock", "sleeper", network=bench.network)
@@ -132,7 +132,7 @@ def test_who_waits_is_told_with_the_time(bench: Bench):
     waiting.close()
 
 
-def test_time_that_has_ended_is_told(bench: Bench, said: list[str]):
+def test_time_that_has_ended_is_in_the_status(bench: Bench, said: list[str]):
     """An error in the loop is in every status after it."""
 
     def breaks() -> None:
@@ -244,13 +244,13 @@ def test_answers(bench: Bench, question: str, answer: str):
     assert bench.ask(question).startswith(answer)
 
 
-def test_kinds_are_told_and_described(bench: Bench):
+def test_kinds_are_listed_and_described(bench: Bench):
     """All kinds are listed with their parameters."""
     assert bench.control.faults() == tuple(KINDS)
-    told = bench.control.ask("describe", "jam")
-    assert told.find("kind") == "jam"
-    assert told.find("layer") == "plant"
-    parameters = told.find_group("parameters")
+    described = bench.control.ask("describe", "jam")
+    assert described.find("kind") == "jam"
+    assert described.find("layer") == "plant"
+    parameters = described.find_group("parameters")
     assert parameters is not None
     assert parameters[1] == Bottle(["torque", 400.0, "Nm", "the torque that would move it", 0.0, 1e5])
 

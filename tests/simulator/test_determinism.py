@@ -21,9 +21,9 @@ def test_the_same_seed_gives_the_same_run():
     first = record(7)
     assert record(7) == first
     words = [sys.executable, str(Path(__file__).with_name("recorded_run.py")), "7"]
-    told = subprocess.run(words, capture_output=True, text=True, timeout=100, check=True)
+    printed = subprocess.run(words, capture_output=True, text=True, timeout=100, check=True)
     digests, state, count = first
-    assert told.stdout.splitlines() == [
+    assert printed.stdout.splitlines() == [
         *(f"{name} {digest}" for name, digest in sorted(digests.items())),
         f"state {state} {count}",
     ]

@@ -19,7 +19,7 @@ TICKS = np.array([1000.0, 10430.0])  # a radian
 MILLISECOND = 0.001
 
 
-def told(settings: Encoders, angles: list[float]) -> EncoderCounts:
+def counted(settings: Encoders, angles: list[float]) -> EncoderCounts:
     """Return the counts after these angles of both encoders (rad), a millisecond each."""
     counts = EncoderCounts(TICKS, settings)
     counts.fill(np.rint(angles[0] * TICKS), np.full(2, angles[0]))
@@ -33,7 +33,7 @@ def test_a_steady_speed_is_shown_to_a_count(speed: float, window: int, late: int
     """Its error is less than a count in the window; the position is as old as the latency says."""
     settings = Encoders(latency=late * MILLISECOND, speed_window=window * MILLISECOND)
     angles = [start + speed * tick * MILLISECOND for tick in range(60)]
-    counts, speeds = told(settings, angles).shown(59)
+    counts, speeds = counted(settings, angles).shown(59)
     assert np.array_equal(counts, np.rint(angles[59 - late] * TICKS))
     assert np.abs(speeds - speed).max() <= 1.0 / (TICKS.min() * window * MILLISECOND) + 1e-9
     assert speeds * TICKS * window * MILLISECOND == pytest.approx(
@@ -46,7 +46,7 @@ def test_a_steady_acceleration_is_shown_to_some_counts(acceleration: float, step
     """Its error is at most two counts by the square of the window."""
     settings = Encoders(acceleration_window=steps * MILLISECOND)
     angles = [acceleration * (tick * MILLISECOND) ** 2 / 2 for tick in range(120)]
-    counts = told(settings, angles)
+    counts = counted(settings, angles)
     error = np.abs(counts.accelerations(119) - acceleration)
     assert (error <= 2.0 / (TICKS * (steps * MILLISECOND) ** 2) + 1e-6).all()
     assert counts.rotor_accelerations(119) == pytest.approx([acceleration] * 2, abs=1e-6)

@@ -134,14 +134,14 @@ class Bench:
         return mode
 
     def pictures(self, count: int = 2) -> list[np.ndarray]:
-        """Pictures of something that moves, as the camera tells them."""
-        told = []
+        """Pictures of something that moves, as the camera sends them."""
+        shown = []
         for number in range(count):
             pixels = np.full((24, 32, 3), 10 + number, np.uint8)
             for fault in self.cameras["left"].faults:
                 pixels = fault(pixels, self.simulation.now)
-            told.append(pixels)
-        return told
+            shown.append(pixels)
+        return shown
 
     def publish(self, count: int = 200, period: float = 0.01) -> list[tuple[float, object]]:
         """Write numbers, one each period; returns what came out, and when."""
@@ -198,7 +198,7 @@ def health(bench: Bench) -> dict[str, object]:
     found["gears"] = [list(boards.motors.gears.faults), engine.dof_armature.tobytes()]
     found["pushed"] = bench.simulation.data.qfrc_applied.tobytes()
     found["limits"] = (boards.trajectories.minimum.tobytes(), boards.trajectories.maximum.tobytes())
-    found["told"] = [list(bench.imus["inertial"].faults), list(bench.force_torques["left_arm"].faults)]
+    found["reported"] = [list(bench.imus["inertial"].faults), list(bench.force_torques["left_arm"].faults)]
     found["measured"] = list(bench.depth_cameras["depth"].faults)
     found["felt"] = list(bench.skin["left_hand"].faults)
     found["drained"] = [list(bench.battery.weaknesses), list(bench.battery.faults)]
@@ -719,7 +719,7 @@ def shows_idle_for_moments(bench: Bench) -> None:
 
 
 def goes_beyond(bench: Bench) -> None:
-    """It carries a command out that ends beyond the limit that it tells."""
+    """It carries a command out that ends beyond the limit that it reports."""
     healthy = Bench()
     for one in (healthy, bench):
         one.arm.set_reference_speeds(100.0, 3)
@@ -729,15 +729,15 @@ def goes_beyond(bench: Bench) -> None:
     assert float(bench.boards.targets[ELBOW]) == limit + 5.0
 
 
-def tells_another_gearbox(bench: Bench) -> None:
-    """It tells 1.5 times what is built in; the motor turns as ever."""
+def reports_another_gearbox(bench: Bench) -> None:
+    """It reports 1.5 times what is built in; the motor turns as ever."""
     assert bench.arm.gearbox_ratio(3) == pytest.approx(1.5 * bench.boards.gearbox[ELBOW])
     shown, true = motor(bench)
     assert shown == pytest.approx(true, abs=0.5)
 
 
 def upper_limit_is_wrong(bench: Bench) -> None:
-    """The limit that is told is 10 degrees too high, and kept; the lower one is right."""
+    """The limit that is reported is 10 degrees too high, and kept; the lower one is right."""
     low, high = Bench().arm.limits(3)
     assert bench.arm.limits(3) == (low, high + 10.0)
     bench.arm.position_move(500.0, 3)
@@ -750,14 +750,14 @@ def lower_limit_is_wrong(bench: Bench) -> None:
     assert bench.arm.limits(3) == (low - 10.0, high)
 
 
-def tells_another_coupling(bench: Bench) -> None:
+def reports_another_coupling(bench: Bench) -> None:
     """The row of the joint is half of what it should be; the mechanics are as ever."""
     wrong = bench.boards.configured_couplings[ELBOW]
     assert np.array_equal(wrong, 0.5 * bench.boards.joint_to_motor[ELBOW])
 
 
 def is_slack(bench: Bench) -> None:
-    """The joint lags behind far more than it should, and the gains that are told are small."""
+    """The joint lags behind far more than it should, and the gains that are reported are small."""
     healthy = Bench()
     for one in (healthy, bench):
         one.move(80.0, 0.15)
@@ -855,7 +855,7 @@ def turns_about_another_axis(bench: Bench) -> None:
 
 
 def inertial(bench: Bench, category: SensorCategory) -> np.ndarray:
-    """What the inertial unit tells, mean of many."""
+    """What the inertial unit measures, mean of many."""
     found = []
     for _ in range(50):
         bench.run(0.001)
@@ -869,9 +869,9 @@ def imu_is_turned(bench: Bench) -> None:
     right = inertial(healthy, SensorCategory.ACCELEROMETER)
     wrong = inertial(bench, SensorCategory.ACCELEROMETER)
     assert wrong == pytest.approx([right[1], -right[0], right[2]], abs=0.05)
-    told = healthy.imus["inertial"].read_sensor(SensorCategory.ORIENTATION, 0).values
+    reported = healthy.imus["inertial"].read_sensor(SensorCategory.ORIENTATION, 0).values
     turned = bench.imus["inertial"].read_sensor(SensorCategory.ORIENTATION, 0).values
-    assert np.abs(turned - told).max() > 45.0
+    assert np.abs(turned - reported).max() > 45.0
 
 
 def imu_freezes(bench: Bench) -> None:
@@ -1154,10 +1154,10 @@ SHOWS: dict[str, Callable[[Bench], None]] = {
     "mode_flickers": shows_idle_for_moments,
     "limits_ignored": goes_beyond,
     "wrong_speed": is_twice_as_fast,
-    "wrong_gear_ratio": tells_another_gearbox,
+    "wrong_gear_ratio": reports_another_gearbox,
     "wrong_upper_limit": upper_limit_is_wrong,
     "wrong_lower_limit": lower_limit_is_wrong,
-    "wrong_coupling": tells_another_coupling,
+    "wrong_coupling": reports_another_coupling,
     "wrong_gains": is_slack,
     "ft_bias": force_is_biased,
     "ft_frozen": force_freezes,
@@ -1253,7 +1253,7 @@ def test_a_reset_leaves_nothing_of_faults(layer: Layer):
 
 @pytest.mark.parametrize("layer", LAYERS)
 def test_broken_robots_are_the_same_with_the_same_seed(layer: Layer):
-    """A fault is no excuse: told the same at the same moments, two robots end in the same state, to the last bit."""
+    """A fault is no excuse: given the same at the same moments, two robots end in the same state, to the last bit."""
     robots = [Bench(seed=7), Bench(seed=7)]
     for robot in robots:
         for kind in kinds_of(layer):
@@ -1481,9 +1481,9 @@ def test_the_catalogue_leaves_nothing_out():
     for kind in KINDS.values():
         assert f"  {kind.kind}  (" in text
         assert f"| `{kind.kind}` |" in table
-        told = catalogue.facts(kind)
-        assert told["layer"] == kind.layer.value
-        for parameter, facts in zip(kind.parameters, told["parameters"], strict=True):
+        described = catalogue.facts(kind)
+        assert described["layer"] == kind.layer.value
+        for parameter, facts in zip(kind.parameters, described["parameters"], strict=True):
             assert f"{parameter.name}={parameter.default:g}" in text
             assert (facts["name"], facts["default"]) == (parameter.name, parameter.default)
             assert parameter.minimum <= parameter.default <= parameter.maximum

@@ -291,14 +291,14 @@ def test_all_limits_of_all_parts_are_reached(network: Network):
             client.set_reference_speeds(np.array([axis.max_velocity for axis in PARTS[part]]))
         for group in _TOGETHER:
             for turn in zip_longest(*(moves(part) for part in group)):
-                told = [(clients[part], *move) for part, move in zip(group, turn, strict=True) if move is not None]
-                for client, joint, target in told:
+                commands = [(clients[part], *move) for part, move in zip(group, turn, strict=True) if move is not None]
+                for client, joint, target in commands:
                     client.position_move(target, joint)
-                while not all(client.motion_done(joint) for client, joint, _ in told):
+                while not all(client.motion_done(joint) for client, joint, _ in commands):
                     time.sleep(0.1)
                     touched |= {*touching(robot.simulation.plant.model, robot.simulation.data)}
                 time.sleep(0.2)
-                for client, joint, target in told:
+                for client, joint, target in commands:
                     reached += 1
                     if abs(client.encoder(joint) - target) > 0.2:
                         missed.append(f"{client.name} {joint}: {client.encoder(joint):g} instead of {target:g}")

@@ -388,7 +388,7 @@ class TestFaults:
         servo.sweep(index, math.radians(90), math.radians(60))
         assert math.degrees(servo.data.actuator_length[index]) == pytest.approx(45, abs=0.5)
 
-    def test_cut_drive_lets_the_arm_fall_and_still_tells_its_angle(self):
+    def test_cut_drive_lets_the_arm_fall_and_still_shows_its_angle(self):
         """Without gain there is no torque, and the encoder still shows the angle."""
         robot = build_icub()
         servo, index = Servo(robot), INDEX["l_shoulder_pitch"]

@@ -303,5 +303,5 @@ def test_another_dialect_and_another_clock(lab: Lab):
             from rtf.middleware.wire.contact import Contact
 
             remote.connect(network, Contact("/sim/clock"), Contact(port.name))
-        eventually(lambda: len(heard) > 2, "the time is not told")
+        eventually(lambda: len(heard) > 2, "the time is not reported")
     assert program.end(signal.SIGTERM) == 0

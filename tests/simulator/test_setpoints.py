@@ -76,7 +76,7 @@ class TestMoves:
     def test_a_way_that_took_milliseconds_does_not_swing(
         self, setpoints: SetpointBlocks, moment: int, target: float, astray: float
     ):
-        """0.1 deg of it has thousands of deg/s²; what is told in the middle of it turns back from its speed at most."""
+        """0.1 deg of it has thousands of deg/s²; a command in the middle of it turns back from its speed at most."""
         setpoints.move(AXES, same(0.1), same(20.0), 0)
         setpoints.move(AXES, same(target), same(20.0), moment)
         positions, speeds, _ = path(setpoints, moment, round(abs(target) / 20.0 / STEP))
@@ -187,7 +187,7 @@ class TestLimits:
         assert setpoints.within_limits(AXES, same(100.0)).tolist() == [5.0, LIMIT, 5.0]
 
 
-#: What may be told to some axes at a step, and how.
+#: What may be commanded to some axes at a step, and how.
 _COMMANDS = st.one_of(
     st.tuples(st.just("move"), st.floats(-80, 80), st.floats(0, 200)),
     st.tuples(st.just("run"), st.floats(-200, 200), st.floats(0, 2000)),
@@ -196,7 +196,7 @@ _COMMANDS = st.one_of(
 )
 
 
-def tell(setpoints: SetpointBlocks, axes: list[int], command: tuple[str, float, float], now: int) -> None:
+def command_axes(setpoints: SetpointBlocks, axes: list[int], command: tuple[str, float, float], now: int) -> None:
     """Give one command to the trajectories."""
     what, first, second = command
     chosen = np.array(axes)
@@ -220,7 +220,7 @@ def tell(setpoints: SetpointBlocks, axes: list[int], command: tuple[str, float, 
     scale=st.floats(0.1, 1000.0),
 )
 def test_rows_are_what_an_evaluation_gives(history: list, scale: float):
-    """Whatever was told when, the row of each step is the trajectory there, and is within or on the way to limits."""
+    """Whatever was commanded, the row of each step is the trajectory there, and is within or on the way to limits."""
     setpoints = SetpointBlocks(
         np.array([0.0, 10.0, -20.0]),
         same(-LIMIT),
@@ -240,7 +240,7 @@ def test_rows_are_what_an_evaluation_gives(history: list, scale: float):
             assert setpoints.velocities[row] == pytest.approx(speeds * 0.5, rel=1e-12, abs=1e-9)
             tick += 1
         if tick - setpoints.begin <= BLOCK:
-            tell(setpoints, axes, command, tick)
+            command_axes(setpoints, axes, command, tick)
 
 
 @settings(max_examples=40, deadline=None)
@@ -255,4 +255,4 @@ def test_no_history_leads_beyond_the_limits(history: list):
             assert np.isfinite(speeds).all()
             assert np.isfinite(accelerations).all()
         tick += wait
-        tell(setpoints, [0, 1, 2], command, tick)
+        command_axes(setpoints, [0, 1, 2], command, tick)

@@ -210,7 +210,7 @@ def test_a_program_that_crashes_is_tried_again_whole(tmp_path: Path):
     )
     outcome = run_suite(tmp_path, '<test retries="1">p.sh</test>', p__sh=program)
     assert verdicts(outcome) == {"p": "failed", "p::a": "error", "p::b": "passed"}
-    assert outcome.detail("p::a").startswith("the program told nothing of this case this time")
+    assert outcome.detail("p::a").startswith("the program did not report this case this time")
     assert [event.attempt for event in outcome.of(TestEnded, test="s/p::b")] == [1, 2]
 
 
@@ -317,7 +317,7 @@ def test_a_chosen_case_that_does_not_come_is_an_error(bench: Path):
     (bench / "ctrl.py").write_text(GTEST.replace('"Arm.Stops", ', ""))
     outcome = run_command(bench, "s.xml", "-k", "Stops")
     assert verdicts(outcome) == {"ctrl": "passed", "ctrl::Arm.Stops": "error"}
-    assert outcome.detail("ctrl::Arm.Stops") == "the program told nothing of this case"
+    assert outcome.detail("ctrl::Arm.Stops") == "the program did not report this case"
     assert outcome.exit_code == 1
 
 

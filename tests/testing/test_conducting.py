@@ -21,7 +21,7 @@ def conducted(tmp_path, conduct, *, second="fine.py", **options):
     """Run the suite with a function that gets the run, the suite worker and the planned suite."""
     runs = []
 
-    def told(worker):
+    def one_suite(worker):
         conduct(runs[0], worker, runs[0].suites[0])
 
     return run_suite(
@@ -29,7 +29,7 @@ def conducted(tmp_path, conduct, *, second="fine.py", **options):
         SUITE.format(second=second),
         interfere=runs.append,
         options=options,
-        conduct=told,
+        conduct=one_suite,
         fine__py=FINE,
         hangs__py=HANGS,
         up__py=UP,

@@ -137,9 +137,9 @@ def test_why_there_is_no_core_dump_is_said(tmp_path: Path, monkeypatch: pytest.M
     """The reason for a missing core dump is reported, such as a program that gets it from the kernel."""
     from rtf.testing.languages import program
 
-    told = tmp_path / "pattern"
-    told.write_text(pattern)
-    monkeypatch.setattr(program, "_CORE_PATTERN", told)
+    pattern_file = tmp_path / "pattern"
+    pattern_file.write_text(pattern)
+    monkeypatch.setattr(program, "_CORE_PATTERN", pattern_file)
     assert problem in program.keep_core_dump(os.getpid(), tmp_path / "kept", 0.0)
 
 
@@ -147,9 +147,9 @@ def test_a_core_file_is_found_by_the_pattern_of_the_kernel(tmp_path: Path, monke
     """A core file is found by the kernel's pattern, with its variables."""
     from rtf.testing.languages import program
 
-    told = tmp_path / "pattern"
-    told.write_text(f"{tmp_path}/%e.%p.%t-100%%")
-    monkeypatch.setattr(program, "_CORE_PATTERN", told)
+    pattern_file = tmp_path / "pattern"
+    pattern_file.write_text(f"{tmp_path}/%e.%p.%t-100%%")
+    monkeypatch.setattr(program, "_CORE_PATTERN", pattern_file)
     (tmp_path / "program.77.1234-100%").write_bytes(b"core")
     assert program.keep_core_dump(77, tmp_path / "kept", 0.0) == ""
     assert (tmp_path / "kept" / "core.77").read_bytes() == b"core"

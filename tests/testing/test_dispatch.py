@@ -115,8 +115,8 @@ def test_what_is_there_once_is_never_used_twice(tmp_path: Path, where: str, occu
     outcome = run(tmp_path, fixture + meet("a") + meet("b"), occupies)
     assert not overlap(outcome, "a", "b")
     assert {event.fixture for event in outcome.of(FixtureChanged)} == {"rig"}
-    (told,) = outcome.of(Diagnosed)
-    assert "copies has no effect" in told.text
+    (warning,) = outcome.of(Diagnosed)
+    assert "copies has no effect" in warning.text
 
 
 def test_a_class_says_what_its_tests_occupy(tmp_path: Path):

@@ -406,8 +406,8 @@ def test_ids_of_an_older_version_are_renewed(path: Path):
     migrate(plain, STEPS[:1])
     run = (1, "run-1", "/r", BEGAN, None, None, "passed", 0, "icub01", "bench", "0.1", None, "h", "u", "[]")
     plain.execute(f"INSERT INTO runs VALUES ({', '.join('?' * len(run))})", run)
-    told = {"s/jointlimits-left_arm": "JointLimits [left_arm]", "s/nod~2": "Nod", "s/left-arm": "said by the test"}
-    for test, name in told.items():
+    names = {"s/jointlimits-left_arm": "JointLimits [left_arm]", "s/nod~2": "Nod", "s/left-arm": "said by the test"}
+    for test, name in names.items():
         plain.execute("INSERT INTO tests VALUES (1, ?, ?, 's', 'passed', 'passed', 1, 0.5, '')", (test, name))
         row = (test, "j0", "reached", 0, 1.5, None, "deg", None, 2.0, None, "passed")
         plain.execute("INSERT INTO measurements VALUES (1, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", row)

@@ -92,13 +92,13 @@ def path(tmp_path: Path) -> Path:
 def found(path: Path, **asked: Any) -> dict[str, Any]:
     """Return the trends, checked for their shape and strict JSON."""
     with History(path, create=True) as history:
-        told = json.loads(json.dumps(trends(history, **asked), allow_nan=False))
-    VALIDATOR.validate(told)
-    count = len(told["runs"])
-    assert [run["started"] for run in told["runs"]] == sorted(run["started"] for run in told["runs"])
-    assert all(len(test["verdicts"]) == count for test in told["tests"].values())
-    assert all(0 <= point[0] < count for item in told["measurements"].values() for point in item["points"])
-    return told
+        shown = json.loads(json.dumps(trends(history, **asked), allow_nan=False))
+    VALIDATOR.validate(shown)
+    count = len(shown["runs"])
+    assert [run["started"] for run in shown["runs"]] == sorted(run["started"] for run in shown["runs"])
+    assert all(len(test["verdicts"]) == count for test in shown["tests"].values())
+    assert all(0 <= point[0] < count for item in shown["measurements"].values() for point in item["points"])
+    return shown
 
 
 def series(path: Path, values: list[float | list[float]], **limits: float) -> dict[str, Any]:
@@ -127,14 +127,14 @@ def verdicts(path: Path, *words: str | None) -> dict[str, Any]:
 def test_a_drift_is_found_and_followed_to_the_limit(path: Path):
     """A drift in noise is found with slope, unit, limit and the number of runs until the limit."""
     noise = random.Random(3)
-    told = series(path, [1 + 0.02 * n + noise.gauss(0, 0.05) for n in range(40)], low=0.0, high=2.0)
-    drift = told["drift"]
+    item = series(path, [1 + 0.02 * n + noise.gauss(0, 0.05) for n in range(40)], low=0.0, high=2.0)
+    drift = item["drift"]
     assert drift["slope"] == pytest.approx(0.02, abs=0.003)
     assert (drift["unit"], drift["limit"], drift["believed"]) == ("deg/run", 2.0, True)
     assert drift["p"] < 0.001
     assert drift["after"] == pytest.approx((2.0 - 1 - 0.02 * 39) / 0.02, abs=5)
-    assert told["points"][3][2:] == [0.0, 2.0, "passed"]
-    assert told["pass_rate"][0] == 1
+    assert item["points"][3][2:] == [0.0, 2.0, "passed"]
+    assert item["pass_rate"][0] == 1
 
 
 def test_a_falling_value_goes_to_the_lower_limit(path: Path):
@@ -173,7 +173,7 @@ def test_noise_is_no_drift(path: Path):
 
 
 @pytest.mark.parametrize("count", [1, 9, 10])
-def test_few_runs_tell_no_drift(path: Path, count: int):
+def test_few_runs_show_no_drift(path: Path, count: int):
     """A drift needs ten runs."""
     assert (series(path, [float(n) for n in range(count)])["drift"] is None) == (count < 10)
 
@@ -185,16 +185,16 @@ def test_a_constant_does_not_drift(path: Path):
 
 def test_repetitions_count_by_their_middle(path: Path):
     """Repetitions in a run count by their median, so that an outlier is no drift."""
-    told = series(path, [[5.0, 5.0 + n, 1000.0] for n in range(12)])
-    assert told["drift"]["slope"] == pytest.approx(1)
-    assert len(told["points"]) == 36
-    assert told["points"][3][:2] == [1, 5.0]
+    item = series(path, [[5.0, 5.0 + n, 1000.0] for n in range(12)])
+    assert item["drift"]["slope"] == pytest.approx(1)
+    assert len(item["points"]) == 36
+    assert item["points"][3][:2] == [1, 5.0]
 
 
 def test_many_values_of_one_run_are_thinned_to_smallest_middle_and_largest(path: Path):
     """Of many values of a run the smallest, median and largest are points."""
-    told = series(path, [[float(n) for n in range(100)]])
-    assert [point[1] for point in told["points"]] == [0.0, 50.0, 99.0]
+    item = series(path, [[float(n) for n in range(100)]])
+    assert [point[1] for point in item["points"]] == [0.0, 50.0, 99.0]
 
 
 def test_values_that_are_no_numbers_are_there_without_one(path: Path):
@@ -203,9 +203,9 @@ def test_values_that_are_no_numbers_are_there_without_one(path: Path):
     with History(path, create=True) as history:
         row = (*KEY, 0, None, "NaN", "deg", 0.0, 1.0, None, "failed")
         history.record(stored(1), [], [row])
-    told = found(path)["measurements"]["\n".join(KEY)]
-    assert told["points"] == [[1, None, 0.0, 1.0, "failed"]]
-    assert told["pass_rate"][0] == 0
+    item = found(path)["measurements"]["\n".join(KEY)]
+    assert item["points"] == [[1, None, 0.0, 1.0, "failed"]]
+    assert item["pass_rate"][0] == 0
 
 
 # Verdicts ------------------------------------------------------------------------------------------------------------
@@ -229,15 +229,15 @@ def test_values_that_are_no_numbers_are_there_without_one(path: Path):
 )
 def test_flaky_is_what_goes_back_and_forth(path: Path, words: list[str | None], flaky: bool):
     """A test is flaky if its verdict alternates, or if it passed at a later attempt only."""
-    told = verdicts(path, *words)
-    assert told["flaky"] is flaky
-    assert told["verdicts"] == words
+    test = verdicts(path, *words)
+    assert test["flaky"] is flaky
+    assert test["verdicts"] == words
 
 
 def test_the_pass_rate_counts_what_was_judged(path: Path):
     """The pass rate counts judged runs, with its Wilson interval; a late pass is a pass."""
-    told = verdicts(path, "passed", "blocked", "flaky", "failed", "skipped", "measured", "interrupted", "not run")
-    assert told["pass_rate"] == pytest.approx([0.75, 0.3006, 0.9544], abs=1e-4)
+    test = verdicts(path, "passed", "blocked", "flaky", "failed", "skipped", "measured", "interrupted", "not run")
+    assert test["pass_rate"] == pytest.approx([0.75, 0.3006, 0.9544], abs=1e-4)
 
 
 def test_where_nothing_was_judged_nothing_is_known(path: Path):
@@ -263,9 +263,9 @@ def test_the_last_runs_count(path: Path):
     """Only the last runs count, oldest first."""
     for index in range(8):
         put(path, stored(index), {"s/old" if index < 3 else "s/new": "passed"})
-    told = found(path, last=4)
-    assert [run["started"] for run in told["runs"]] == [BEGAN + 3600 * index for index in range(4, 8)]
-    assert [*told["tests"]] == ["s/new"]
+    shown = found(path, last=4)
+    assert [run["started"] for run in shown["runs"]] == [BEGAN + 3600 * index for index in range(4, 8)]
+    assert [*shown["tests"]] == ["s/new"]
 
 
 def test_robots_and_stations_are_not_mixed_unless_asked_for(path: Path):
@@ -289,9 +289,9 @@ def test_runs_of_other_suites_take_no_room(path: Path):
     for index in range(9):
         suite = ("arm", "leg", "arm")[index % 3]
         put(path, stored(index), {f"{suite}/t": "passed"}, {(f"{suite}/t", "", "error"): Measurement("error", 1.0)})
-    told = found(path, suites={"leg"}, last=2)
-    assert [run["run"] for run in told["runs"]] == ["run-4", "run-7"]
-    assert ([*told["tests"]], [*told["measurements"]]) == (["leg/t"], ["leg/t\n\nerror"])
+    shown = found(path, suites={"leg"}, last=2)
+    assert [run["run"] for run in shown["runs"]] == ["run-4", "run-7"]
+    assert ([*shown["tests"]], [*shown["measurements"]]) == (["leg/t"], ["leg/t\n\nerror"])
 
 
 @pytest.mark.parametrize(
@@ -318,10 +318,10 @@ def test_tests_and_measurements_are_named_by_parts_or_patterns(
         ("arm/reach", "", "supply"): Measurement("supply", 24.0),
     }
     put(path, stored(0), {"arm/reach": "passed", "arm/rest": "passed"}, values)
-    told = found(path, names=names)
-    assert {*told["tests"]} == tests
-    assert {key.rpartition("\n")[2] for key in told["measurements"]} == measurements
-    assert len(told["runs"]) == bool(tests or measurements)
+    shown = found(path, names=names)
+    assert {*shown["tests"]} == tests
+    assert {key.rpartition("\n")[2] for key in shown["measurements"]} == measurements
+    assert len(shown["runs"]) == bool(tests or measurements)
 
 
 def test_without_names_everything_is_asked_for(tmp_path: Path):
@@ -350,7 +350,7 @@ def test_whatever_is_in_it_the_answer_has_its_shape(tmp_path_factory: pytest.Tem
     for index, (verdict, values) in enumerate(runs):
         measured = [Measurement("error", value, Unit.NONE, low, high) for value, low, high in values]
         put(path, stored(index), {"s/t": verdict}, {("s/t", "", "error"): measured})
-    told = found(path)
-    assert len(told["runs"]) == len(runs)
-    for item in told["measurements"].values():
+    shown = found(path)
+    assert len(shown["runs"]) == len(runs)
+    for item in shown["measurements"].values():
         assert item["drift"] is None or math.isfinite(item["drift"]["slope"])

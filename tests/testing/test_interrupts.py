@@ -180,8 +180,8 @@ def test_first_interrupt_lets_the_running_test_finish(scene: Scene):
     scene.go()
     outcome = check_end(command, scene, a=Verdict.PASSED, b=Verdict.NOT_RUN, c=Verdict.NOT_RUN)
     assert scene.log == ["rig up", "run", "teardown", "torn down", "rig going down", "rig down"]
-    (told,) = outcome.of(Interrupted)
-    assert (told.source, told.stage) == ("SIGINT", 1)
+    (interrupted,) = outcome.of(Interrupted)
+    assert (interrupted.source, interrupted.stage) == ("SIGINT", 1)
 
 
 LOCKED = (
@@ -209,8 +209,8 @@ def test_sigterm_ends_a_run_before_it_is_killed(scene: Scene, signum: signal.Sig
     assert stop_as_docker_does(command, signum) < 8
     outcome = check_end(command, scene, a=Verdict.INTERRUPTED, b=Verdict.NOT_RUN, c=Verdict.NOT_RUN)
     assert scene.log == ["rig up", "run", "teardown", "torn down", "safe", "rig going down", "rig down"]
-    (told,) = outcome.of(Interrupted)
-    assert (told.source, told.stage) == (signum.name, 2)
+    (interrupted,) = outcome.of(Interrupted)
+    assert (interrupted.source, interrupted.stage) == (signum.name, 2)
 
 
 def test_sigterm_ends_a_run_in_which_everything_hangs(scene: Scene):

@@ -187,7 +187,7 @@ def test_life_of_a_test(name: str, tmp_path: Path):
     (ended,) = outcome.of(TestEnded)
     assert ended.verdict is row.verdict
     assert " ".join(log_of(tmp_path)) == row.done
-    told = [
+    messages = [
         (message.severity, message.title, message.detail)
         for message in outcome.of(Message)
         if message.severity in (FAILURE, ERROR)
@@ -195,7 +195,7 @@ def test_life_of_a_test(name: str, tmp_path: Path):
     if row.reason:
         assert ended.reason == row.reason
     else:
-        assert told == [*row.messages]
+        assert messages == [*row.messages]
         assert ended.reason == {Verdict.FAILED: "failure", Verdict.ERROR: "error"}.get(row.verdict, "")
     assert outcome.exit_code == (
         0 if row.verdict.good and row.verdict is not Verdict.SKIPPED else 5 if row.verdict is Verdict.SKIPPED else 1
@@ -243,9 +243,9 @@ def test_repetition_of_what_moves_ends_with_the_first_that_is_bad(safety: str, r
     )
     assert log_of(tmp_path) == ["setup", *["run"] * runs, "teardown", "clean"]
     assert outcome.verdict("t") is Verdict.FAILED
-    told = [event.detail for event in outcome.of(Message, title="repetitions")]
-    assert told[-1].startswith(f"{runs - 1} of {runs} passed")
-    assert (len(told) == 2) is (runs < 5)
+    warnings = [event.detail for event in outcome.of(Message, title="repetitions")]
+    assert warnings[-1].startswith(f"{runs - 1} of {runs} passed")
+    assert (len(warnings) == 2) is (runs < 5)
 
 
 def test_repetition_says_pass_rate_with_confidence_and_durations(tmp_path: Path):

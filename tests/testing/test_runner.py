@@ -297,9 +297,9 @@ def test_worker_that_breaks_leaves_the_others_alone(tmp_path: Path, monkeypatch:
         t__py=test_file("pass"),
     )
     assert outcome.exit_code == ExitCode.INTERNAL
-    (told,) = outcome.of(InternalError)
-    assert told.text == "ZeroDivisionError: suite worker"
-    assert "in take" in told.traceback
+    (problem,) = outcome.of(InternalError)
+    assert problem.text == "ZeroDivisionError: suite worker"
+    assert "in take" in problem.traceback
     assert {test.id: test.verdict for test in outcome.results.tests.values()} == {
         "a/bad": Verdict.NOT_RUN,
         "a/bad+2": Verdict.NOT_RUN,
@@ -615,8 +615,8 @@ def test_reporter_that_breaks_is_left_out_and_reported(tmp_path: Path):
     outcome = run_suites(tmp_path, {"a": "<test>t.py</test><test>t.py</test>"}, broken, sound, t__py=test_file("pass"))
     assert outcome.exit_code == ExitCode.INTERNAL
     assert outcome.results.counts() == {Verdict.PASSED: 2}
-    (told,) = outcome.of(InternalError)
-    assert told.text == "reporter recorder broke and is left out: RuntimeError: ink is out"
+    (problem,) = outcome.of(InternalError)
+    assert problem.text == "reporter recorder broke and is left out: RuntimeError: ink is out"
     assert broken.heard[-1] == "test_started"
     assert (broken.closed, sound.closed) == (0, 1)
     assert sound.heard == [event.kind for event in outcome.events]

@@ -73,7 +73,7 @@ def test_tags_are_whole_words():
 
 
 @pytest.mark.parametrize(
-    ("text", "column", "told"),
+    ("text", "column", "message"),
     [
         ("", 1, "an expression is words joined by 'and', 'or', 'not' and brackets"),
         ("left and", 9, "an expression is words"),
@@ -93,11 +93,11 @@ def test_tags_are_whole_words():
         ("a" * 10_001, 21, "longer than 10000 characters"),
     ],
 )
-def test_an_expression_that_cannot_be_read_is_pointed_at(text: str, column: int, told: str):
+def test_an_expression_that_cannot_be_read_is_pointed_at(text: str, column: int, message: str):
     """The error about an invalid expression marks the column."""
     with pytest.raises(ExpressionError, match=f"^column {column}: ") as caught:
         parse_expression(text)
-    assert told in str(caught.value)
+    assert message in str(caught.value)
     assert caught.value.column == column
     assert str(caught.value).endswith("\n  " + " " * (column - 1) + "^")
     assert isinstance(caught.value, SuiteError)

@@ -53,7 +53,7 @@ def test_what_is_ignored_is_listed(state: ControlMode):
         assert all(f"[{request.word}]" in said.rpartition("ignored")[2] for request in ignored)
 
 
-def test_what_a_board_does_by_itself_is_told():
+def test_what_a_board_does_by_itself_is_shown():
     """Each reason stands in the picture."""
     written = texts()
     assert all(any(why in text for text in written) for _, why, _ in FORCED)

@@ -334,7 +334,7 @@ class _Judge:
         incidents = self._outcome.of(FixtureIncident, test=struck.test)
         self._expect([one.fixture for one in incidents] == [_ROBOT], f"incidents: {incidents}")
         word = "SIGKILL" if blow.strike == "kill" else "does not answer"
-        self._expect(any(word in one.cause for one in incidents), f"the cause is not told: {incidents}")
+        self._expect(any(word in one.cause for one in incidents), f"the cause is not reported: {incidents}")
         (case,) = [case for case in self._junit_cases() if case.name == blow.strike]
         said = [f"{result.type}: {result.message}" for result in case.result]
         self._expect(case.is_error and any(_ROBOT in text for text in said), f"JUnit says {said}")

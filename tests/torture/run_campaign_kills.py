@@ -76,12 +76,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with tempfile.TemporaryDirectory(prefix="rtf-kills-") as folder:
         bench = Bench(Path(folder), options.runs, cluster=options.backend == "dask")
         try:
-            told = bench.torture(kills)
+            result = bench.torture(kills)
         finally:
             bench.close()
-    print(told)
+    print(result)
     print(", ".join(f"{count} of a {what}" for what, count in bench.killed.items()))
-    return int("each once, after" not in told)
+    return int("each once, after" not in result)
 
 
 class Bench:
@@ -114,7 +114,7 @@ class Bench:
             if left and due and self._kill(left[-1]):
                 left.pop()
             if client.poll() == 0:  # the campaign is done; what is left of the kills came too late
-                return self._told()
+                return self._result()
             clock.sleep(0.05)
 
     def _keep_running(self) -> None:
@@ -173,7 +173,7 @@ class Bench:
             except sqlite3.OperationalError:  # it is being made
                 return 0
 
-    def _told(self) -> str:
+    def _result(self) -> str:
         with CampaignStore(self._folder / "campaign.sqlite") as store:
             counts, seeds = store.counts(), [one.seed for one in store.outcomes()]
             runs = len(store.runs())

@@ -115,7 +115,7 @@ class ControlledApplication:
         self._factory = factory
         self._lock = threading.RLock()  # of what is run
         self._released = threading.Condition(self._lock)
-        self._telling = threading.Lock()  # of what happened
+        self._events_lock = threading.Lock()  # of what happened
         self._manager: Manager | None = None
         self._session: Session | None = None
         self._runner = 0
@@ -145,7 +145,7 @@ class ControlledApplication:
         return loaded.application
 
     def _say(self, event: Event) -> None:
-        with self._telling:
+        with self._events_lock:
             self._count += 1
             self._happened.append(NumberedEvent(self._count, clock.now(), str(event.kind), event.text))
 
@@ -163,7 +163,7 @@ class ControlledApplication:
         """Return how the application is, and what happened after the sentence with a number."""
         self._asked = clock.monotonic()
         modules = {**self._before, **{unit.key: _state(unit) for unit in self._units()}}
-        with self._telling:
+        with self._events_lock:
             happened = [one for one in self._happened if one.number > after]
         return Status(self._runner, self._saved, modules, self._linked, self._rates, self._nodes.loads, happened)
 

@@ -221,7 +221,7 @@ def palette(folder: Path) -> list[ProgramView]:
                 continue
             try:
                 description = read_description(file, DiagnosticLog())
-            except XmlError:  # the check of an application that uses it tells why
+            except XmlError:  # the check of an application that uses it reports why
                 continue
             found[file.stem] = _program(file, description)
     return sorted(found.values(), key=lambda one: one.name)

@@ -69,7 +69,7 @@ class Launch:
 
 
 class HeldChild(msgspec.Struct, frozen=True):
-    """A held child as its node records it. ``started`` tells it from another process that got its number since."""
+    """A held child as its node records it. ``started`` distinguishes it from a later process of its id."""
 
     pid: int
     started: int

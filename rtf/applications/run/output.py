@@ -87,7 +87,7 @@ class LineSender:
         self._left_out = 0
         self._changed = threading.Condition()
         self._closing = False
-        self._told = False
+        self._reported = False
         self._thread = threading.Thread(target=self._run, name=f"rtf-run-output {name}", daemon=True)
         self._thread.start()
 
@@ -138,7 +138,7 @@ class LineSender:
                     self._send(port)
                     port.settle()
         except MiddlewareError as error:  # the name server is away
-            self._tell(f"{self.name} cannot be opened: {error}")
+            self._report_once(f"{self.name} cannot be opened: {error}")
             with self._changed:
                 return self._changed.wait_for(lambda: self._closing, _AGAIN)
         return True
@@ -159,18 +159,18 @@ class LineSender:
                 try:
                     port.add_output(self._target)
                 except MiddlewareError as error:
-                    self._tell(f"{self.name}: {error}; the last lines are kept until it can be reached")
+                    self._report_once(f"{self.name}: {error}; the last lines are kept until it can be reached")
             with self._changed:
                 if self._closing:
                     linger = 0.0 if self._target else _LINGER
                     return bool(self._changed.wait_for(lambda: port.outputs, linger))
                 self._changed.wait_for(lambda: self._closing or port.outputs, _AGAIN)
-        self._told = False
+        self._reported = False
         return True
 
-    def _tell(self, text: str) -> None:
-        if not self._told:
-            self._told = True
+    def _report_once(self, text: str) -> None:
+        if not self._reported:
+            self._reported = True
             self._report(text)
 
     def _send(self, port: _LinePort) -> None:

@@ -60,7 +60,7 @@ def make_window(request: Start, access: RunAccess) -> Launch:
 
 
 def _variables(changed: Mapping[str, str | None], *, forwarded: bool) -> dict[str, str]:
-    """Return the environment of a program; ``forwarded`` tells it, as from YARP, that its output goes elsewhere."""
+    """Return the environment of a program; ``forwarded`` informs it, as YARP does, that its output goes elsewhere."""
     variables = {**os.environ, "YARP_IS_YARPRUN": "1", "YARPRUN_IS_FORWARDING_LOG": str(int(forwarded))}
     if forwarded:
         variables["PYTHONUNBUFFERED"] = "1"

@@ -100,7 +100,7 @@ class NodeRecord:
 def record_path(folder: Path, node: str, network: str) -> Path:
     """Return the file of a node in a folder, which machines may share.
 
-    ``network`` tells nodes of one name with different name servers apart.
+    ``network`` distinguishes nodes of one name with different name servers.
     """
     parts = (node.strip("/"), socket.gethostname(), network)
     return folder / f"{'@'.join(_OTHER.sub('_', part) for part in parts)}.json"

@@ -116,7 +116,7 @@ class RunServer:
         self._network = network
         self._access = access or RunAccess()
         self._log = log
-        self._tell = said
+        self._announce = said
         self._grace = grace
         self._record = record
         self._on_exit = on_exit
@@ -230,7 +230,7 @@ class RunServer:
 
     def _say(self, text: str) -> None:
         """Say something that may contain what others have sent: without the characters that steer a terminal."""
-        self._tell(printable(text))
+        self._announce(printable(text))
 
     # Answers, in the thread of each connection -----------------------------------------------------------------------
 

@@ -138,7 +138,7 @@ class _Program(RemoteProgram):
                 f"/log/{deployer.place}/{program}/{self.pid}",
                 network=deployer.context.network,
                 target=request.log or COLLECTOR,
-                report=deployer.context.told,
+                report=deployer.context.report,
             )
         deployer.note_change()
 

@@ -6,7 +6,7 @@ Linux's ``/proc``.
 
 A program runs in a session of its own, whose leader is a shell with the tag in its environment, which all that the
 program starts inherits. So a tag is found again without a file: by the environments of all processes. What a script
-says for its sender has a ``token`` before it, which tells it from what login files print.
+says for its sender has a ``token`` before it, which distinguishes it from what login files print.
 """
 
 from __future__ import annotations

@@ -63,7 +63,7 @@ class Module:
     ``prefix`` is put before the names of its ports, those of the embedding applications included. ``start_delay`` are
     the seconds after its start in which it becomes ready, ``stop_delay`` those before its stop. ``ports`` are pairs of
     names of ports, the second of which replaces the first. ``ready`` is a port by which it shows that it is ready, in
-    place of a fixed time. ``number`` tells modules apart that are the same in all else. ``shown`` is its name for
+    place of a fixed time. ``number`` distinguishes modules that are the same in all else. ``shown`` is its name for
     people, if that is not the command. ``anywhere``: the file names no node, so one may be chosen. A node may also be
     several names, among which one is chosen (:mod:`rtf.applications.placement`). ``needs`` are figures that its machine
     has to have, besides those of its description, such as ``("memory.free_space", "1024")``.

@@ -151,7 +151,7 @@ class OutputLink(ABC):
         self._stream.limit_waiting(seconds)
 
     def close(self, *, politely: bool = True) -> None:  # noqa: ARG002 - for carriers that notify the peer
-        """End the connection; ``politely`` tells the peer first. A second call has no effect."""
+        """End the connection; ``politely`` notifies the peer first. A second call has no effect."""
         self._stream.close()
 
 

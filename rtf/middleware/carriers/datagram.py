@@ -1,6 +1,6 @@
 """``udp`` and ``mcast``: messages split into datagrams. They may be lost, without notice, but never mixed up.
 
-An end that closes tells the other one over a short text connection. The datagrams themselves are defined in
+An end that closes notifies the other one over a short text connection. The datagrams themselves are defined in
 :mod:`rtf.middleware.wire.datagrams`.
 """
 
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from rtf.middleware.carriers.base import Carrier, InputLink, OutputLink
 from rtf.middleware.carriers.stream import Stream, StreamClosedError
-from rtf.middleware.carriers.stream_carrier import introduction, tell_end
+from rtf.middleware.carriers.stream_carrier import announce_end, introduction
 from rtf.middleware.errors import ConnectError, MiddlewareError, ProtocolError, WaitTimeoutError
 from rtf.middleware.wire import framing
 from rtf.middleware.wire.datagrams import MAX_DATAGRAM, Assembler, split
@@ -164,11 +164,11 @@ class DatagramOutput(OutputLink):
         """Do nothing: a sender of datagrams never waits."""
 
     def close(self, *, politely: bool = True) -> None:
-        """End the connection; ``politely`` tells the other port over a separate connection."""
+        """End the connection; ``politely`` notifies the other port over a separate connection."""
         self.endpoint.close()
         if politely:
             with contextlib.suppress(OSError, MiddlewareError):  # the other port is gone
-                tell_end(self._network, self._target, self._sender)
+                announce_end(self._network, self._target, self._sender)
 
 
 class Datagrams(Carrier):

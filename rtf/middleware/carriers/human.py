@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from rtf.middleware.carriers.base import Carrier, InputLink, OutputLink
 from rtf.middleware.carriers.stream import Stream, StreamClosedError
-from rtf.middleware.carriers.stream_carrier import StreamInput, StreamOutput, introduction, tell_end
+from rtf.middleware.carriers.stream_carrier import StreamInput, StreamOutput, announce_end, introduction
 from rtf.middleware.errors import ConnectError, MiddlewareError
 from rtf.middleware.wire.lines import LineReceiver, LineSender, as_lines
 
@@ -143,7 +143,7 @@ class HumanOutput(StreamOutput):
         """End the connection and tell the other port over a separate connection."""
         self._stream.close()
         with contextlib.suppress(OSError, MiddlewareError):  # the other port is gone
-            tell_end(self._network, self._target, self._name)
+            announce_end(self._network, self._target, self._name)
 
 
 class Human(Carrier):

@@ -91,8 +91,8 @@ class SocketWatcher:
                     try:
                         ready()
                     except BaseException as error:  # noqa: BLE001 - reported like that of any thread; the loop continues
-                        told = type(error), error, error.__traceback__, threading.current_thread()
-                        threading.excepthook(threading.ExceptHookArgs(told))
+                        details = type(error), error, error.__traceback__, threading.current_thread()
+                        threading.excepthook(threading.ExceptHookArgs(details))
                 elif number == bell and self._is_done(bell):
                     return
 

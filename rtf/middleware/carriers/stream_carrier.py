@@ -184,7 +184,7 @@ def introduction(port: CarrierPort, target: Contact) -> str:
     return text
 
 
-def tell_end(network: CarrierNetwork, target: Contact, sender: str) -> None:
+def announce_end(network: CarrierNetwork, target: Contact, sender: str) -> None:
     """Tell a port, over a separate connection, that it receives nothing more from ``sender``. Raises ConnectError.
 
     For carriers whose receivers cannot notice the end.

@@ -99,7 +99,7 @@ class LockstepServer:
             "continue": self._continue,
             "step": self._step,
             "reset": self._ask_for_reset,
-            "participants": self._tell_participants,
+            "participants": self._list_participants,
         }
         self._port = _ClockPort(name, self._answer, self._left, network=network)
         self._thread = threading.Thread(target=self._run, name=f"rtf-lockstep {name}", daemon=True)
@@ -136,7 +136,7 @@ class LockstepServer:
         with self._changed:
             self._paused = False
             self._step_until = None
-            self._tell_all()
+            self._wake_all()
 
     # Participants of this process -------------------------------------------------------------------------------
 
@@ -162,13 +162,13 @@ class LockstepServer:
         """Stop taking part. A second call has no effect."""
         with self._changed:
             self._participants.pop(participant.number, None)
-            self._tell_all()
+            self._wake_all()
 
     def close(self) -> None:
         """Stop the server. Participants that wait get an error reply."""
         with self._changed:
             self._closed = True
-            self._tell_all()
+            self._wake_all()
             self._changed.wait_for(lambda: not self._passing)
         self._port.close()
         self._thread.join()
@@ -241,10 +241,10 @@ class LockstepServer:
             self._passing = False
             self.broken = error
             self._closed = True
-            self._tell_all()
+            self._wake_all()
         self._complain(f"time ends at {self.now:.6g} s: {type(error).__name__}: {error}")
 
-    def _tell_all(self) -> None:
+    def _wake_all(self) -> None:
         """Wake all threads to check their conditions. The caller holds the lock."""
         self._stands_since = clock.monotonic()
         self._changed.notify_all()
@@ -325,7 +325,7 @@ class LockstepServer:
             if not 0 < seconds <= _LONGEST_STEP:
                 return Bottle([_FAIL, f"a step is from 0 to {_LONGEST_STEP:g} seconds, not {seconds:g}"])
             until = self._step_until = round(self.now + seconds, _DIGITS)
-            self._tell_all()
+            self._wake_all()
             self._changed.wait_for(lambda: self.now >= until or self._closed or not self._paused)
             return Bottle([_OK, self.now])
 
@@ -334,11 +334,11 @@ class LockstepServer:
             return Bottle([_FAIL, "there is nothing to reset"])
         with self._changed:
             self._reset_wanted = True
-            self._tell_all()
+            self._wake_all()
             self._changed.wait_for(lambda: not self._reset_wanted or self._closed)
             return Bottle([_OK, self.now])
 
-    def _tell_participants(self, _request: Bottle, _sender: str) -> Bottle:
+    def _list_participants(self, _request: Bottle, _sender: str) -> Bottle:
         """Return the name of each participant and what it waits for: a time, or the word ``works``."""
         with self._changed:
             people = [Bottle([one.name, "works" if one.until is None else one.until]) for one in self.participants]
@@ -348,7 +348,7 @@ class LockstepServer:
         """Remove the participants of a connection that ended. Runs in the thread that served it."""
         with self._changed:
             self._participants = {key: one for key, one in self._participants.items() if one.caller != get_ident()}
-            self._tell_all()
+            self._wake_all()
 
 
 class _ClockPort(Port):

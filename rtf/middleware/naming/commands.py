@@ -167,7 +167,7 @@ class Commands:
             host = host or request.origin or self._server.host
         self._subscriptions.went(name)
         contact = self._table.register(name, carrier, host, port, "" if promise == "*" else promise)
-        self._tell("add", contact)
+        self._notify("add", contact)
         return _flat(self._described(contact.name, contact, bot=request.bot), bot=request.bot)
 
     def _unregister(self, request: _Request) -> Answer:
@@ -177,13 +177,13 @@ class Commands:
         for gone in filter(None, undone):
             if gone.name != name:
                 self._subscriptions.went(gone.name)
-            self._tell("del", gone)
+            self._notify("del", gone)
         answer = _flat(self._described(name, None, bot=request.bot), bot=request.bot)
         # YARP's servers send this word for every port that the removed one owns, known or not.
         answer.body[:0] = ["old"] * (len(undone) - 1)
         return answer
 
-    def _tell(self, what: str, contact: Contact) -> None:
+    def _notify(self, what: str, contact: Contact) -> None:
         if contact.carrier != "mcast":
             self._changed(what, contact.name)
 

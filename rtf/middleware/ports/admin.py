@@ -100,7 +100,7 @@ def _list(port: describe.AdministeredPort, request: Bottle) -> Bottle:
 
 
 def _modify(port: describe.AdministeredPort, request: Bottle) -> Bottle:
-    """Answer ``get`` and ``set``. Only inputs with a priority have settings; others accept any and tell none."""
+    """Answer ``get`` and ``set``. Only inputs with a priority have settings; others accept any and report none."""
     inward = _word(request.get(1)) == "in"
     name = as_string(request.get(2))
     if not name:

@@ -126,8 +126,8 @@ class BufferedPort(Port, Generic[T]):
                 try:
                     self._callback(received)
                 except Exception as error:  # noqa: BLE001 - reported like that of any thread; the next object is passed on
-                    told = type(error), error, error.__traceback__, threading.current_thread()
-                    threading.excepthook(threading.ExceptHookArgs(told))
+                    details = type(error), error, error.__traceback__, threading.current_thread()
+                    threading.excepthook(threading.ExceptHookArgs(details))
             with self._arrived:
                 self._arrived.wait_for(lambda: self._ended or not self.interrupted)
 

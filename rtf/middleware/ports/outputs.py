@@ -35,7 +35,7 @@ class Output(Connection):
     """One outgoing connection. Several threads may send.
 
     ``ask`` finds out the dialect of the other end, see :mod:`rtf.middleware.ports.dialect_probe`; it is called at once,
-    and again where the other end did not tell and a message would differ. A lock keeps each message together with its
+    and again where it is unknown and a message would differ. A lock keeps each message together with its
     reply and acknowledgement.
     """
 
@@ -47,7 +47,7 @@ class Output(Connection):
         self.lock = threading.Lock()
         self._timeout: float | None = None
         self._ask = ask
-        #: The dialect of the other end; None: it does not tell.
+        #: The dialect of the other end; None: unknown.
         self.dialect = ask()
         #: The monitor of all outputs of the port, and what returns those of its other outputs.
         self.port_monitor: Attached | None = None
@@ -122,7 +122,7 @@ class Output(Connection):
             return reply
 
     def close(self, *, politely: bool = True) -> None:
-        """End the connection; ``politely`` tells the peer first, if no other thread is waiting in it."""
+        """End the connection; ``politely`` notifies the peer first, if no other thread is waiting in it."""
         try:
             if not politely or not self.lock.acquire(timeout=1.0):
                 self.link.close(politely=False)  # another thread is waiting in it: that wait ends now

@@ -155,7 +155,7 @@ class Sender(ABC):
 
     @abstractmethod
     def end(self) -> bytes:
-        """Return what tells the peer that nothing follows."""
+        """Return the announcement that nothing follows."""
 
 
 def read_caller(inbox: Inbox) -> Reading[Caller]:

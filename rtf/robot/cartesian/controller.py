@@ -111,7 +111,7 @@ class CartesianController(ChainSettings, TaskController[Settings], ICartesianCon
                     raise RefusedError(f"{self._chain.name}: it was stopped before the motion began")
                 self._velocity = None
                 happened = self._begin(goal, found, measured)
-        self.tell(happened)
+        self.notify(happened)
 
     def stream_target(self, target: Values, duration: float | None = None) -> None:
         self.go_to(target, duration)
@@ -137,7 +137,7 @@ class CartesianController(ChainSettings, TaskController[Settings], ICartesianCon
         with self.lock:  # not that of commands: one that waits for a board does not keep the robot from stopping
             self._stops += 1
             happened = self._end(clock.current().now())
-        self.tell(happened)
+        self.notify(happened)
 
     def motion_done(self) -> bool:
         with self.lock:
@@ -230,9 +230,9 @@ class CartesianController(ChainSettings, TaskController[Settings], ICartesianCon
         except RobotError as error:
             with self.lock:
                 happened = self._end(now)
-            self.tell(happened)
+            self.notify(happened)
             raise type(error)(f"the motion was ended: {error}") from error
-        self.tell(events)
+        self.notify(events)
 
     def _at_work(self) -> bool:
         with self.lock:
@@ -280,7 +280,7 @@ class CartesianController(ChainSettings, TaskController[Settings], ICartesianCon
         self._asked = target
 
     def _end(self, now: float, *, keep: bool = False) -> list[ControllerEvent]:
-        """End a motion; the joints hold what they were told last."""
+        """End a motion; the joints hold their last setpoints."""
         self._velocity = self._asked = None
         if not keep:
             self._target = None
@@ -335,7 +335,7 @@ class CartesianController(ChainSettings, TaskController[Settings], ICartesianCon
         with self._commands, self.lock:
             happened = self._end(clock.current().now())
             chosen = super().set_active_joints(active)
-        self.tell(happened)
+        self.notify(happened)
         return chosen
 
     def trajectory_time(self) -> float:
@@ -383,4 +383,4 @@ class CartesianController(ChainSettings, TaskController[Settings], ICartesianCon
             settings = self.stored(context)
             happened = self._end(clock.current().now())
             self.use(settings)
-        self.tell(happened)
+        self.notify(happened)

@@ -53,7 +53,7 @@ class CartesianServer(TaskServer["FloatArray"]):
         if not self._control.solver_connected():
             return None
         pose = self._control.pose()
-        return pose.vector, pose.time or now  # of boards that do not tell the time of their encoders
+        return pose.vector, pose.time or now  # of boards that do not report the time of their encoders
 
     def commands(self) -> Sequence[tuple[str, Callable[[Sequence[Value]], None]]]:
         return [("/command:i", self._command)]

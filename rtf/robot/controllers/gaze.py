@@ -3,8 +3,8 @@
 Positions are those of :class:`~rtf.robot.kinematics.Eyes`: torso, neck (three joints), tilt, version and vergence, in
 degrees. The neck turns the axis of the head to the point, slowly; the eyes follow the point itself all the time, fast,
 and so make up for what the neck still has to do. Saccades, one jump of the eyes to a new point, come before that.
-Where the head is disturbed, the eyes turn against it, by the gyroscope (vestibulo-ocular reflex) and by what the neck
-was told (opto-kinetic response). Stabilization holds neck and eyes against what the gyroscope says.
+Where the head is disturbed, the eyes turn against it, by the gyroscope (vestibulo-ocular reflex) and by the commands of
+the neck (opto-kinetic response). Stabilization holds neck and eyes against what the gyroscope says.
 
 :class:`GazeMotion` is called once a period with measured positions, and says what to command. It knows neither
 boards nor ports nor clocks.
@@ -62,7 +62,7 @@ class GazeSettings:
     neck_tolerance: float = 0.0  # deg
     tracking: bool = False
     stabilization: bool = False  # by the gyroscope
-    gyro_threshold: float = 5.0  # deg/s: what it does not tell from no rotation
+    gyro_threshold: float = 5.0  # deg/s: below it a rotation counts as none
     neck_ranges: tuple[tuple[float, float], ...] = ()  # deg; none: the limits of the joints
     vergence: float | None = None  # deg: the eyes are bound, straight ahead
 

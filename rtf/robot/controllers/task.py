@@ -92,7 +92,7 @@ class TaskController(ITaskControl, Generic[S]):
         with self.lock:
             self._observers = tuple(one for one in self._observers if one != observer)
 
-    def tell(self, events: Sequence[ControllerEvent]) -> None:
+    def notify(self, events: Sequence[ControllerEvent]) -> None:
         """Call the observers; ``lock`` is not held."""
         for event in events:
             for observer in self._observers:

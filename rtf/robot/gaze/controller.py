@@ -64,8 +64,8 @@ _EVENTS = (
 class GazeController(TaskController[GazeSettings], IGazeControl):
     """A controller of a board whose axes are those of torso (or none), neck and eyes, in the order of the chains.
 
-    ``gyroscope`` returns the rotation (deg/s) in the frame of the sensor, whose orientation in that of the root is
-    told by ``sensor_pose`` of the positions (deg) of torso and neck. ``tilt`` are limits of the eyes (deg) within those
+    ``gyroscope`` returns the rotation (deg/s) in the frame of the sensor, whose orientation in that of the root
+    ``sensor_pose`` returns for positions (deg) of torso and neck. ``tilt`` are limits of the eyes (deg) within those
     of the board; for ``eyes_lag`` (s) see GazeMotion. ``publish`` is called every ``period`` (s), with the robot's
     time; all other methods in any thread. Errors of the board are passed on.
 
@@ -104,7 +104,7 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
         self._motion.settings = settings or GazeSettings()
         super().__init__(self._motion.settings)
         self._suspended = self._halting = self._has_modes = False
-        self._unfelt = 0.0  # s, since the gyroscope told something
+        self._unfelt = 0.0  # s, since the gyroscope measured a rotation
         self._periods = 0
         self._stops = 0  # how often it was stopped: a motion that is being prepared does not begin after a stop
 
@@ -166,14 +166,14 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
             raise RefusedError(
                 f"{self._named(others, found)}: another program has taken the head, the motion was ended"
             )
-        self._has_modes = not others  # a board may tell its modes late
+        self._has_modes = not others  # a board may report its modes late
 
     def _let_go(self) -> None:
         """End a motion without a command: the joints may be moved by another program."""
         with self.lock:
             moving = self._motion.abort()
         if moving:
-            self.tell([ControllerEvent("motion-done", clock.current().now())])
+            self.notify([ControllerEvent("motion-done", clock.current().now())])
 
     def stop(self) -> None:
         """See ITaskControl: when it returns, the boards have the command, and later commands of others count."""
@@ -191,7 +191,7 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
             self._velocities.velocity_move([0.0] * NECK, self._eyes)
         finally:
             if moving:
-                self.tell([ControllerEvent("motion-done", clock.current().now())])
+                self.notify([ControllerEvent("motion-done", clock.current().now())])
 
     def motion_done(self) -> bool:
         with self.lock:
@@ -209,13 +209,13 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
         with self.lock:
             was, self._suspended = self._suspended, True
         if not was:
-            self.tell([ControllerEvent(event, clock.current().now())])
+            self.notify([ControllerEvent(event, clock.current().now())])
 
     def resume(self) -> None:
         with self.lock:
             was, self._suspended = self._suspended, False
         if was:
-            self.tell([ControllerEvent("resumed", clock.current().now())])
+            self.notify([ControllerEvent("resumed", clock.current().now())])
 
     def status(self) -> str:
         return "suspended" if self._suspended else "running"
@@ -252,7 +252,7 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
             self._suspend("comm-timeout")
             self._give_up(error)
             raise
-        self.tell(events)
+        self.notify(events)
 
     def _measured(self) -> FloatArray:
         """Return the positions of all joints. Raises NoAnswerError for what is no number."""
@@ -383,7 +383,7 @@ class GazeController(TaskController[GazeSettings], IGazeControl):
                 self._motion.stop()
         if before.stabilization != after.stabilization:
             name = "stabilization-on" if after.stabilization else "stabilization-off"
-            self.tell([ControllerEvent(name, clock.current().now())])
+            self.notify([ControllerEvent(name, clock.current().now())])
 
     def tracking(self) -> bool:
         return self._motion.settings.tracking

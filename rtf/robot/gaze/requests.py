@@ -96,7 +96,7 @@ def angles_of(values: Sequence[Value]) -> GazeAngles:
 def mono_of(values: Sequence[Value]) -> MonoPixel | MonoPixelWithVergence:
     """Decode an eye, its pixel, and a depth or ``ver`` and a vergence. Raises RefusedError.
 
-    A depth has to be a floating-point number, as with the original: it tells a depth from a word by that.
+    A depth has to be a floating-point number, as with the original, which distinguishes it from a word by that.
     """
     eye = eye_of(values[0] if values else None)
     u, v = _numbers(values[1:], _PIXEL_SIZE).tolist()

@@ -179,5 +179,5 @@ def _box(x: float, y: float, width: float, height: float, kind: str) -> str:
 
 def _text(x: float, y: float, text: str, kind: str = "", place: str = "") -> str:
     shown = text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
-    told = f"<title>{escape(printable(f'{text} ({place})'))}</title>" if place else ""
-    return f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}">{told}{escape(shown)}</text>'
+    title = f"<title>{escape(printable(f'{text} ({place})'))}</title>" if place else ""
+    return f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}">{title}{escape(shown)}</text>'

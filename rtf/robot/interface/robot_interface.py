@@ -56,7 +56,7 @@ class _Going:
     task: Task
     deadline: Deadline
     calibrator: Calibrator | None = None
-    told: bool = False
+    logged: bool = False
     stopped: bool = False
 
     @property
@@ -274,9 +274,9 @@ class RobotInterface:
 
     def _judge(self, one: _Going) -> None:
         """Log the result of an action, once."""
-        if one.told:
+        if one.logged:
             return
-        one.told = True
+        one.logged = True
         if not one.task.done:
             why = f"hangs since {seconds(one.deadline.limit)}" if one.deadline.expired else "was not waited for"
             self._fail(one.action, why)

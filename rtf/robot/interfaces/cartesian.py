@@ -110,7 +110,7 @@ class ICartesianControl(ITaskControl):
 
     @abstractmethod
     def set_reference_feedback(self, feedback: bool) -> None:
-        """Set it. Raises RefusedError without a board that tells its setpoints."""
+        """Set it. Raises RefusedError without a board that reports its setpoints."""
 
     @abstractmethod
     def priority(self) -> CartesianPriority:

@@ -39,7 +39,7 @@ class StreamServer(ABC, Generic[T]):
         self.network = network
         self._outlets = outlets or BackgroundOutlets(strict=strict)
         self._stamps = StampCounter()
-        self._said = ""
+        self._reported = ""
         self._ports: list[Outlet] = []  # of the stream
         self._opened = ExitStack()
 
@@ -59,16 +59,16 @@ class StreamServer(ABC, Generic[T]):
         try:
             measured = self.measure(now)
         except Exception as error:  # noqa: BLE001 - the driver may work again in the next period, and the error is reported
-            self._tell(str(error) if isinstance(error, RobotError) else f"{type(error).__name__}: {error}")
+            self._report_once(str(error) if isinstance(error, RobotError) else f"{type(error).__name__}: {error}")
             return
-        self._said = ""
+        self._reported = ""
         if measured is not None:
             value, time = measured
             self.send(value, self._stamps.next(time))
 
-    def _tell(self, sentence: str) -> None:
-        if sentence != self._said:
-            self._said = sentence
+    def _report_once(self, sentence: str) -> None:
+        if sentence != self._reported:
+            self._reported = sentence
             self.network.report(f"{self.name}: nothing is published: {sentence}")
 
     def open_ports(

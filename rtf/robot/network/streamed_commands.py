@@ -181,7 +181,7 @@ class StreamedCommands:
     def __init__(self, device: object, report: Callable[[str], None]) -> None:
         self._device = device
         self._report = report
-        self._said = ""
+        self._reported = ""
 
     def take(self, delivery: IncomingMessage) -> None:
         """Execute one message."""
@@ -189,9 +189,9 @@ class StreamedCommands:
             command = delivery.read(COMMAND)
             self.carry_out(command.first, command.second)
         except RtfError as error:
-            self._tell(f"a command of {delivery.sender or 'a caller'} is skipped: {error}")
+            self._report_once(f"a command of {delivery.sender or 'a caller'} is skipped: {error}")
         except Exception as error:  # noqa: BLE001 - the port must survive errors of a device
-            self._tell(f"a command of {delivery.sender or 'a caller'} failed: {type(error).__name__}: {error}")
+            self._report_once(f"a command of {delivery.sender or 'a caller'} failed: {type(error).__name__}: {error}")
 
     def carry_out(self, head: Bottle, values: FloatArray) -> None:
         """Execute a command with its values. Raises RefusedError, and the errors of the device."""
@@ -220,7 +220,7 @@ class StreamedCommands:
         joints = [whole(joint) for joint in inner(arguments.get(1), whole(arguments.get(0)))]
         return joints, len(joints)
 
-    def _tell(self, sentence: str) -> None:
-        if sentence != self._said:
-            self._said = sentence
+    def _report_once(self, sentence: str) -> None:
+        if sentence != self._reported:
+            self._reported = sentence
             self._report(sentence)

@@ -60,12 +60,12 @@ class RemoteControlBoard(BoardStub[WordRpc]):
     def forward_setting(self, method: Plural, values: Sequence[Any], axes: AxisSelection, *of: object) -> None:
         requests = SETTING[method.__name__]
         write = requests[Shape.ONE].kind.write
-        self._tell(requests, axes, _words(of), [element for value in values for element in write(value)])
+        self._command(requests, axes, _words(of), [element for value in values for element in write(value)])
 
     def forward_action(self, method: Plural, axes: AxisSelection) -> list[Any]:
         requests = GETTING.get(method.__name__)
         if requests is None:
-            self._tell(SETTING[method.__name__], axes)
+            self._command(SETTING[method.__name__], axes)
             return []
         rpc, numbers = (self._opened or self._link).rpc, self.chosen(axes)
         if isinstance(axes, INTEGER):
@@ -79,15 +79,15 @@ class RemoteControlBoard(BoardStub[WordRpc]):
         if name in GETTING:
             return rpc.read(GETTING[name][Shape.SINGLE], *_words(of), axis)  # type: ignore[no-any-return]
         request = SETTING[name][Shape.SINGLE]
-        tell = rpc.act if name in SLOW else rpc.tell
-        return tell(request, *_words(of), axis, *self._written(request, arguments))  # type: ignore[return-value]
+        command = rpc.act if name in SLOW else rpc.command
+        return command(request, *_words(of), axis, *self._written(request, arguments))  # type: ignore[return-value]
 
     def forward_whole(self, method: Callable[..., R]) -> R:
         name, rpc = method.__name__, self._link.rpc
         if name in GETTING:
             return rpc.read(GETTING[name][Shape.NONE])  # type: ignore[no-any-return]
-        tell = rpc.act if name in SLOW else rpc.tell
-        return tell(SETTING[name][Shape.NONE])  # type: ignore[return-value]
+        command = rpc.act if name in SLOW else rpc.command
+        return command(SETTING[name][Shape.NONE])  # type: ignore[return-value]
 
     def _elements(self, requests: RequestsByShape, axes: AxisSelection, lead: tuple[Value, ...]) -> Sequence[Value]:
         """Return the elements of the answer, one for each axis."""
@@ -122,7 +122,7 @@ class RemoteControlBoard(BoardStub[WordRpc]):
             raise self._link.rpc.nonsense(request, lead, [*elements], "numbers are needed")
         return elements
 
-    def _tell(
+    def _command(
         self,
         requests: RequestsByShape,
         axes: AxisSelection,
@@ -132,14 +132,14 @@ class RemoteControlBoard(BoardStub[WordRpc]):
         """Send a command for axes, with an element for each where values are needed."""
         rpc = self._link.rpc
         if axes is None:
-            rpc.tell(requests[Shape.ALL], *lead, *_together(elements))
+            rpc.command(requests[Shape.ALL], *lead, *_together(elements))
             return
         numbers = self.chosen(axes)
         if isinstance(axes, INTEGER) or Shape.GROUP not in requests:
             for place, number in enumerate(numbers):
-                rpc.tell(requests[Shape.ONE], *lead, number, *elements[place : place + 1])
+                rpc.command(requests[Shape.ONE], *lead, number, *elements[place : place + 1])
         elif numbers:
-            rpc.tell(requests[Shape.GROUP], *lead, len(numbers), _listed(numbers), *_together(elements))
+            rpc.command(requests[Shape.GROUP], *lead, len(numbers), _listed(numbers), *_together(elements))
 
     def _written(self, request: Request, arguments: tuple[Any, ...]) -> list[Value]:
         """Encode the values of a single axis: finite numbers."""
@@ -174,7 +174,7 @@ class RemoteControlBoard(BoardStub[WordRpc]):
         request = SETTING["set_pids"][Shape.NONE]
         for pid in pids:
             self._finite(*pid)
-        self._link.rpc.tell(request, Vocab(kind), *request.kind.write(pids))
+        self._link.rpc.command(request, Vocab(kind), *request.kind.write(pids))
 
     def calibrate_axis(self, joint: int, parameters: CalibrationParameters) -> None:
         """Calibrate an axis. The protocol transmits the type and three parameters."""
@@ -186,13 +186,13 @@ class RemoteControlBoard(BoardStub[WordRpc]):
 
     def _calibrate(self, request: Request, joint: int, parameters: CalibrationParameters, count: int) -> None:
         kind, *numbers = parameters
-        self._link.rpc.tell(request, *self.chosen(joint), int(kind), *self._finite(*numbers[:count]))
+        self._link.rpc.command(request, *self.chosen(joint), int(kind), *self._finite(*numbers[:count]))
 
     def calibration_done(self, joint: int) -> bool:
         """Return whether an axis is calibrated; False also for a board that cannot calibrate."""
         axes = self.chosen(joint)
         try:
-            self._link.rpc.tell(CALIBRATION_DONE, *axes)
+            self._link.rpc.command(CALIBRATION_DONE, *axes)
         except RefusedError:
             return False
         return True
@@ -212,7 +212,7 @@ class RemoteControlBoard(BoardStub[WordRpc]):
         raise rpc.nonsense(request, (key,), data, "a list is needed")
 
     def set_variable(self, key: str, value: Bottle) -> None:
-        self._link.rpc.tell(SETTING["set_variable"][Shape.NAMED], key, *value)
+        self._link.rpc.command(SETTING["set_variable"][Shape.NAMED], key, *value)
 
     def variables(self) -> tuple[str, ...]:
         return self.forward_whole(IRemoteVariables.variables)

@@ -31,7 +31,7 @@ class WordRpc(BoardRpc):
     def get(self, request: Request, *arguments: Value) -> list[Value]:
         """Send a request and return the data of the answer.
 
-        Raises RefusedError, NotSupportedError and NoAnswerError, as ``tell`` does.
+        Raises RefusedError, NotSupportedError and NoAnswerError, as ``command`` does.
         """
         return self._data(request, arguments, self._ask(self._port, request, arguments, self._limit))
 
@@ -52,13 +52,13 @@ class WordRpc(BoardRpc):
             raise self.nonsense(request, arguments, data, str(error)) from None
         return values[0] if len(values) == 1 else values
 
-    def tell(self, request: Request, *arguments: Value) -> None:
+    def command(self, request: Request, *arguments: Value) -> None:
         """Send a command.
 
         Raises RefusedError if the board refuses, NotSupportedError if it does not know the command, NoAnswerError if
         the reply is late or invalid.
         """
-        self._tell(self._port, request, arguments, self._limit)
+        self._command(self._port, request, arguments, self._limit)
 
     def act(self, request: Request, *arguments: Value) -> None:
         """Send a command that takes long, over a separate connection, so that other requests are not blocked.
@@ -66,9 +66,9 @@ class WordRpc(BoardRpc):
         The reply comes when the command is done, within :data:`ACTION_LIMIT`.
         """
         with self.separate_port() as port:
-            self._tell(port, request, arguments, ACTION_LIMIT)
+            self._command(port, request, arguments, ACTION_LIMIT)
 
-    def _tell(self, port: RpcClient, request: Request, arguments: tuple[Value, ...], limit: float) -> None:
+    def _command(self, port: RpcClient, request: Request, arguments: tuple[Value, ...], limit: float) -> None:
         answer = self._ask(port, request, arguments, limit)
         if answer[0] is not OK and answer[0] != OK:
             raise self.nonsense(request, arguments, answer)

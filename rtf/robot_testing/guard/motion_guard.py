@@ -79,7 +79,7 @@ class MotionGuard(GuardedPart):
         self._high = np.array([high for _, high in self.snapshot.limits]) + self.limits.beyond
         #: The greatest speeds, deg/s; infinite if the board has none.
         self.fastest = greatest_speeds(board)
-        self._tell_joints()
+        self._report_joints()
         place = MonitoredPart(name, self.names, report)
         self._quantities = state_quantities(board, place, self.limits, self.fastest, self.snapshot.max_currents)
         self._temperatures = temperatures(board, place, self.limits)
@@ -101,7 +101,7 @@ class MotionGuard(GuardedPart):
         bounds = JointBounds.of(self.board, self.names, robot)
         return JointWatch(self.board, self.names, bounds, currents=self.limits.current is not None)
 
-    def _tell_joints(self) -> None:
+    def _report_joints(self) -> None:
         """Report the joints that are watched without a speed limit, and those that are not moved."""
         if unknown := [self.names[joint] for joint in np.flatnonzero(np.isinf(self.fastest))]:
             self.report(f"{self.name} has no greatest speed for {', '.join(unknown)}: their speeds have no limit")

@@ -42,10 +42,10 @@ class _ReadOnlyWords(WordRpc):
 
     commands_allowed = False
 
-    def tell(self, request: Request, *arguments: Value) -> None:
+    def command(self, request: Request, *arguments: Value) -> None:
         if request is not CALIBRATION_DONE:  # a query that the protocol treats as a command
             self._check(request)
-        super().tell(request, *arguments)
+        super().command(request, *arguments)
 
     def act(self, request: Request, *arguments: Value) -> None:
         self._check(request)

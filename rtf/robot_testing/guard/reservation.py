@@ -119,16 +119,16 @@ def reserve_when_free(
     Raises what :class:`Reservation` raises. ``report`` is called once, with the run that has the robot.
     """
     deadline = clock.Deadline.after(wait)
-    told = False
+    reported = False
     while True:
         try:
             return Reservation(robot, network=network, patience=patience)
         except ReservedError as error:
             if deadline.expired:
                 raise
-            if not told:
+            if not reported:
                 report(f"waiting for /{robot}: {error}")
-                told = True
+                reported = True
         clock.sleep(min(_NEXT_TRY, deadline.remaining()))
 
 

@@ -34,7 +34,7 @@ _PAUSE = 0.5
 class Supervisor:
     """The supervisor of a robot's parts, by their guards, from its construction to ``close``.
 
-    ``using`` is held while it talks to the boards. ``may_move`` tells whether the parts may be commanded: never on a
+    ``using`` is held while it talks to the boards. ``may_move`` returns whether the parts may be commanded: never on a
     real robot that no test was permitted to move.
     """
 

@@ -237,8 +237,8 @@ def longest_gap(times: Sequence[float]) -> tuple[float, float]:
 def rest_after(times: FloatArray, speeds: FloatArray, share: float) -> float | None:
     """Return the time (s) from which on all speeds are below a share of the greatest one; None if it never rests.
 
-    Each is the mean of a twentieth of a second before and after it: a board tells a joint that creeps as no speed, and
-    now and then a whole count of it, and one that trembles as counts of both signs.
+    Each is the mean of a twentieth of a second before and after it: a board reports no speed for a joint that creeps,
+    and now and then a whole count, and counts of both signs for one that trembles.
     """
     sums = np.concatenate([[0.0], np.cumsum(speeds)])
     first, last = np.searchsorted(times, times - _AROUND), np.searchsorted(times, times + _AROUND, side="right")

@@ -17,7 +17,7 @@ from rtf.robot_testing.judging.picture_noise import picture_noise
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-#: The share of noise in the differences of neighbouring pixels beyond which these do not tell the sharpness.
+#: The share of noise in the differences of neighbouring pixels beyond which these do not show the sharpness.
 _HIDDEN = 0.5
 
 

@@ -31,14 +31,14 @@ _SOLVED, _SOLVED_ORIENTATION = 3.0, 5.0
 class Reach(NamedTuple):
     """A recorded reach: its target, a position (3,) or a pose (7,), the solution, when it was done (s from its start).
 
-    ``told`` (samples, 7) are the poses by the controller, ``seen`` (samples, 4, 4) those by the encoders. ``names``
+    ``reported`` (samples, 7) are the poses by the controller, ``seen`` (samples, 4, 4) those by the encoders. ``names``
     are the joints, ``low`` and ``high`` their limits (deg).
     """
 
     target: FloatArray
     solution: CartesianSolution
     done: float
-    told: FloatArray
+    reported: FloatArray
     seen: FloatArray
     motion: TipMotion
     names: Sequence[str]
@@ -94,7 +94,7 @@ def _judge_solution(test: TestCase, name: str, found: Reach, solved: FloatArray)
 
 
 def _judge_rest(test: TestCase, found: Reach, solved: FloatArray, tolerance: float) -> None:
-    for who, pose in (("the controller", pose_of(found.told[-1])), ("the encoders", found.seen[-1])):
+    for who, pose in (("the controller", pose_of(found.reported[-1])), ("the encoders", found.seen[-1])):
         distance, angle = _sizes(found.left(pose, found.target_pose))
         test.measure(f"position error by {who}", distance, "mm")
         if found.whole_pose:
@@ -105,8 +105,8 @@ def _judge_rest(test: TestCase, found: Reach, solved: FloatArray, tolerance: flo
 
 
 def _judge_frame(test: TestCase, name: str, found: Reach, most: tuple[float, float]) -> None:
-    distance, angle = _sizes(pose_error(found.seen[-1], pose_of(found.told[-1])))
-    text = f"{name} tells another pose than the encoders and the tables of the robot"
+    distance, angle = _sizes(pose_error(found.seen[-1], pose_of(found.reported[-1])))
+    text = f"{name} reports another pose than the encoders and the tables of the robot"
     hint = f"{text}; {likely_causes('hand frame')}"
     test.measure("controller from encoders", distance, "mm", high=most[0], hint=hint)
     test.measure("controller from encoders, orientation", angle, "deg", high=most[1], hint=hint)
@@ -151,7 +151,7 @@ def record_reach(test: TestCase, name: str, found: Reach) -> None:
         angles = np.degrees(np.linalg.norm(left[:, 3:], axis=1))
         test.record("error of the orientation", time=time, angle=(angles, "deg"))
     test.record("speed of the hand", time=time, speed=(found.motion.speeds, "m/s"))
-    ways = {"by the encoders": found.motion.seen, "by the controller": found.motion.told}
+    ways = {"by the encoders": found.motion.seen, "by the controller": found.motion.reported}
     test.attach(path_picture(ways, found.target[:3]), f"path {name}.png", "image/png")
 
 

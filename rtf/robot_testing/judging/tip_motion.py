@@ -1,4 +1,4 @@
-"""The motion of a tip, such as a hand: how late a controller tells it, its speed, its path, and limits on its way.
+"""The motion of a tip, such as a hand: how late a controller reports it, its speed, its path, and limits on its way.
 
 Positions are in metres, in the frame of the root; joints in degrees.
 """
@@ -20,11 +20,11 @@ _AXES = 3
 class TipMotion(NamedTuple):
     """A motion, sampled: times (samples,) in s, positions (samples, 3) of the tip, joints (samples, joints).
 
-    ``told`` are the positions by the controller, ``seen`` those by the encoders of the joints.
+    ``reported`` are the positions by the controller, ``seen`` those by the encoders of the joints.
     """
 
     time: FloatArray
-    told: FloatArray
+    reported: FloatArray
     seen: FloatArray
     joints: FloatArray
 
@@ -43,13 +43,13 @@ class TipMotion(NamedTuple):
 
     @property
     def lag(self) -> float:
-        """How much later (s) the controller tells a position than the encoders do; NaN without a motion.
+        """How much later (s) the controller reports a position than the encoders do; NaN without a motion.
 
         It is the delay that explains most of the difference of both, by the velocity: least squares.
         """
         velocities = self._velocities
         power = float((velocities * velocities).sum())
-        return float(((self.seen - self.told) * velocities).sum()) / power if power > 0.0 else float("nan")
+        return float(((self.seen - self.reported) * velocities).sum()) / power if power > 0.0 else float("nan")
 
     @property
     def peak_ratio(self) -> float:

@@ -3,7 +3,7 @@
 Earlier cases change a robot: the positions of its joints, and the state of its random numbers. So the assignment of
 cases to robots does not depend on the number of parallel suites, and measurements are the same on every machine.
 
-The runner tells two fixtures apart by their ``param`` only. So each name server has a name of its own, and each
+The runner distinguishes two fixtures by their ``param`` only. So each name server has a name of its own, and each
 simulator a clock of its own; the robots have the same port names.
 """
 

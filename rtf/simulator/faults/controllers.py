@@ -44,7 +44,7 @@ class ControllerFrame(_ControllerFault):
 
     kind = "controller_frame"
     description = "The Cartesian controller has a wrong frame of the hand, or a tool that is not there."
-    symptom = "It brings another point than the hand to its targets, and tells the pose of that point."
+    symptom = "It brings another point than the hand to its targets, and reports the pose of that point."
     parameters = (Parameter("shift", 20.0, "mm", "of the frame, along its x axis", -1000.0, 1000.0),)
     shift: float
 

@@ -109,7 +109,7 @@ class Wire:
         self._listeners: list[Connection] = []  # that get all frames
         self.waiting: list[_Entry] = []  # what takes part in the arbitration, in the order of arrival
         self.sender: Connection | None = None  # of the frame that the filters get
-        self._debt = 0  # bits of the step that the last frame took beyond its end
+        self._overrun = 0  # bits of the step that the last frame took beyond its end
 
     def attach(self, node: Node) -> Connection:
         """Connect a node. Several boards may have one address, as by a mistake."""
@@ -136,7 +136,7 @@ class Wire:
 
     def step(self, now: float) -> None:
         """Send for a millisecond, from the simulated time ``now`` (s) on. One loop, as it runs for every frame."""
-        waiting, used = self.waiting, self._debt
+        waiting, used = self.waiting, self._overrun
         heard: Heard = []
         place = ordered = 0  # the next frame, and how many are in the order of their identifiers
         while used < _BITS_A_STEP:
@@ -169,12 +169,12 @@ class Wire:
             if receivers is self._listeners and not sender.listens and not self.filters:
                 heard.append((frame, time))
             else:
-                self._tell(heard)
+                self._forward_broadcasts(heard)
                 self._deliver(frame, sender, time)
         del waiting[:place]
-        self._tell(heard)
-        self.bits += used - self._debt
-        self._debt = max(0, used - _BITS_A_STEP)
+        self._forward_broadcasts(heard)
+        self.bits += used - self._overrun
+        self._overrun = max(0, used - _BITS_A_STEP)
 
     def _disturbed(self, frame: Frame, time: float) -> bool:
         return any(damaged(frame, time) for damaged in self.disturbances)
@@ -208,7 +208,7 @@ class Wire:
         sender.waiting = 0
         self.waiting[:] = [entry for entry in self.waiting if entry[2] is not sender]
 
-    def _tell(self, heard: Heard) -> None:
+    def _forward_broadcasts(self, heard: Heard) -> None:
         """Give what boards have broadcast to those that get all frames; the list is empty afterwards."""
         for listener in self._listeners if heard else ():
             if not listener.off:

@@ -181,7 +181,7 @@ class History:
                 f"there is no history {path} yet: run tests with --history, or take archived runs in with "
                 "'testrunner history --import RUN...'"
             )
-        with self._telling():
+        with self._translate_errors():
             if create:
                 path.parent.mkdir(parents=True, exist_ok=True)
             self._read_only = not create and not _is_writable(path)
@@ -209,7 +209,7 @@ class History:
 
     def check_writable(self) -> None:
         """Raise HistoryError when the file can never be written. Another writer at work is no hindrance."""
-        with self._telling():
+        with self._translate_errors():
             self._connection.execute("PRAGMA busy_timeout = 0")
             try:
                 self._connection.execute("BEGIN IMMEDIATE")
@@ -251,7 +251,7 @@ class History:
 
     def prune(self, keep: int) -> int:
         """Keep the newest runs of each robot on each station, and free the space of the others."""
-        with self._telling():
+        with self._translate_errors():
             with self.transaction():
                 gone = self._connection.execute(
                     "DELETE FROM runs WHERE id IN (SELECT id FROM (SELECT id, row_number() OVER "
@@ -266,7 +266,7 @@ class History:
 
     def runs(self, robot: str = "*", station: str = "*") -> list[tuple[int, StoredRun]]:
         """The runs with their numbers, newest first. Robot and station may be patterns with ``*`` and ``?``."""
-        with self._telling():
+        with self._translate_errors():
             rows = self._connection.execute(
                 f"SELECT id, {_RUN_COLUMNS} FROM runs WHERE (robot = ?1 OR robot GLOB ?1) "  # noqa: S608
                 "AND (station = ?2 OR station GLOB ?2) ORDER BY started DESC, id DESC",
@@ -276,7 +276,7 @@ class History:
 
     def tests(self, number: int) -> list[TestRow]:
         """The tests of a run, in the order of their ids."""
-        with self._telling():
+        with self._translate_errors():
             return self._connection.execute(
                 "SELECT test, name, suite, verdict, outcome, attempts, duration, reason FROM tests WHERE run = ?",
                 (number,),
@@ -284,7 +284,7 @@ class History:
 
     def measurements(self, number: int) -> list[MeasurementRow]:
         """The measurements of a run, in the order of test, subject, name and repetition."""
-        with self._telling():
+        with self._translate_errors():
             return self._connection.execute(
                 "SELECT test, subject, name, repetition, value, not_finite, unit, low, high, marginal, verdict "
                 "FROM measurements WHERE run = ?",
@@ -294,12 +294,12 @@ class History:
     @property
     def is_campaign(self) -> bool:
         """Whether this is the file of a campaign."""
-        with self._telling():
+        with self._translate_errors():
             return self._has_tasks() and self._connection.execute("SELECT 1 FROM tasks LIMIT 1").fetchone() is not None
 
     def faulty(self) -> frozenset[int]:
         """Return the numbers of the runs of a campaign in which the robot had a fault."""
-        with self._telling():
+        with self._translate_errors():
             if not self._has_tasks():
                 return frozenset()
             rows = self._connection.execute(
@@ -314,7 +314,7 @@ class History:
     @contextmanager
     def snapshot(self) -> Iterator[None]:
         """Show one state of the file throughout the block, whatever other processes write meanwhile."""
-        with self._telling():
+        with self._translate_errors():
             self._connection.execute("BEGIN")
         try:
             yield
@@ -325,7 +325,7 @@ class History:
 
     def close(self) -> None:
         """Close the file."""
-        with self._telling():
+        with self._translate_errors():
             self._connection.close()
 
     def __enter__(self) -> Self:
@@ -339,7 +339,7 @@ class History:
     @contextmanager
     def transaction(self) -> Iterator[None]:
         """Write all that the block writes, or nothing of it. A transaction in another one is a part of that."""
-        with self._telling():
+        with self._translate_errors():
             if self._connection.in_transaction:
                 yield
             else:
@@ -358,7 +358,7 @@ class History:
             raise
 
     @contextmanager
-    def _telling(self) -> Iterator[None]:
+    def _translate_errors(self) -> Iterator[None]:
         """Add the file and a hint to errors in the block."""
         try:
             yield

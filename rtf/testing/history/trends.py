@@ -183,12 +183,12 @@ def middles(points: Iterable[Point]) -> dict[int, float]:
 def _measurements(
     points: dict[tuple[str, str, str], list[Point]], units: dict[tuple[str, str, str], str], *, mixed: bool
 ) -> dict[str, Any]:
-    told = {"\n".join(key): _measurement(of_one, units[key], mixed=mixed) for key, of_one in points.items()}
-    drifts = [item["drift"] for item in told.values() if item["drift"] is not None]
+    measurements = {"\n".join(key): _measurement(of_one, units[key], mixed=mixed) for key, of_one in points.items()}
+    drifts = [item["drift"] for item in measurements.values() if item["drift"] is not None]
     believed = discovery_limit((drift["p"] for drift in drifts), _BELIEVED)
     for drift in drifts:
         drift["believed"] = drift["p"] <= believed and drift["slope"] != 0
-    return told
+    return measurements
 
 
 def _measurement(points: list[Point], unit: str, *, mixed: bool) -> dict[str, Any]:

@@ -36,7 +36,7 @@ NUDGE_PERIOD = 0.1
 SAFE_STATE_LIMIT = 45.0
 #: Seconds that all fixtures together have to come down after SIGTERM or SIGHUP, unless one declares that it needs more.
 STOP_LIMIT = 4.0
-#: The name of a fixture's process meanwhile (at most 15 bytes), which tells its fork server without the runner.
+#: The name of a fixture's process meanwhile (at most 15 bytes); its fork server knows it by that without the runner.
 SAFE_STATE_NAME = "rtf safe state"
 
 #: The exit status of a process of RTF that cannot reach its runner any more.

@@ -75,7 +75,7 @@ class CaseReport:
         self.bailed_out: str | None = None  # why
         self._counts: Counter[str] = Counter()
 
-    def tell(
+    def report(
         self,
         name: str,
         verdict: Verdict,
@@ -107,16 +107,16 @@ class CaseReport:
             )
         )
 
-    def tell_tap(self, items: Iterable[Item]) -> None:
+    def report_tap(self, items: Iterable[Item]) -> None:
         """Report what was read from a TAP stream."""
         for item in items:
-            self._tell_item(item)
+            self._report_item(item)
 
-    def _tell_item(self, item: Item) -> None:
+    def _report_item(self, item: Item) -> None:
         session = self.session
         match item:
             case Point():
-                self._tell_point(item)
+                self._report_point(item)
             case Comment():
                 session.message(Severity.INFO, "reports", item.text, _NOWHERE)
             case Fault():
@@ -129,25 +129,25 @@ class CaseReport:
             case BailOut():
                 self.bailed_out = item.reason
 
-    def _tell_point(self, point: Point) -> None:
+    def _report_point(self, point: Point) -> None:
         name = "/".join([*point.path, point.description or f"test {point.number}"])
         text = f"{name}\n{point.block}" if point.block else name
         todo = f"TODO {point.reason}".rstrip()
         place = _place(point.block)
         match point.directive, point.ok:
             case "skip", _:
-                self.tell(name, Verdict.SKIPPED, point.reason or "skipped")
+                self.report(name, Verdict.SKIPPED, point.reason or "skipped")
             case "todo", True:
                 warning = f"{text} passed, and was expected to fail ({todo})"
-                self.tell(name, Verdict.PASSED, todo, [(Severity.WARNING, warning, place)])
+                self.report(name, Verdict.PASSED, todo, [(Severity.WARNING, warning, place)])
             case "todo", False:
-                self.tell(name, Verdict.EXPECTED_FAILURE, todo, [(Severity.INFO, f"{text} ({todo})", place)])
+                self.report(name, Verdict.EXPECTED_FAILURE, todo, [(Severity.INFO, f"{text} ({todo})", place)])
             case _, True:
-                self.tell(name, Verdict.PASSED, said=[(Severity.PASS, text, place)] if point.block else [])
+                self.report(name, Verdict.PASSED, said=[(Severity.PASS, text, place)] if point.block else [])
             case _:
-                self.tell(name, Verdict.FAILED, point.block, [(Severity.FAILURE, text, place)])
+                self.report(name, Verdict.FAILED, point.block, [(Severity.FAILURE, text, place)])
 
-    def tell_junit(self, case: JunitCase) -> None:
+    def report_junit(self, case: JunitCase) -> None:
         """Report a case of a JUnit file. A failure counts more than an error."""
         place = (case.file, case.line)
         said = [
@@ -164,7 +164,7 @@ class CaseReport:
             detail = said[0][1]
         elif case.skipped is not None:
             verdict, detail = Verdict.SKIPPED, case.skipped
-        self.tell(case.subject, verdict, detail, said, duration=case.time or 0.0, place=place)
+        self.report(case.subject, verdict, detail, said, duration=case.time or 0.0, place=place)
 
     def _message(self, severity: Severity, detail: str, place: Place) -> Message:
         test, (file, line) = self.session.test, place

@@ -120,7 +120,7 @@ class ExecutableTest(RawParameters):
         if ended.signal:
             raise TestProblem(how, title="the program crashed")
         if not spoke_tap and junit is not None and (junit.exists() or self._mode == "junit"):
-            self._tell_junit(cases, junit, ended)
+            self._report_junit(cases, junit, ended)
         elif not spoke_tap:
             self._judge_status(ended.status, how)
             return
@@ -129,17 +129,17 @@ class ExecutableTest(RawParameters):
         if cases.all_skipped is not None:
             raise SkipTest(cases.all_skipped)
 
-    def _tell_junit(self, cases: CaseReport, junit: Path, ended: Ended) -> None:
+    def _report_junit(self, cases: CaseReport, junit: Path, ended: Ended) -> None:
         if not junit.exists():
             raise TestProblem(
                 f"{self._path.name} ended with {ended} and did not write {junit} (RTF_JUNIT, GTEST_OUTPUT)",
                 title="no results",
             )
-        told = read_junit(junit)
-        if not (told or self._session.cases):
+        found = read_junit(junit)
+        if not (found or self._session.cases):
             raise TestProblem("the program wrote a JUnit file without a test case", title="no results")
-        for case in told:
-            cases.tell_junit(case)
+        for case in found:
+            cases.report_junit(case)
 
     def _judge_status(self, status: int | None, text: str) -> None:
         self._session.judged()
@@ -178,7 +178,7 @@ class _Output:
         for line in self._lines.finish():
             self._take_line(line)
         if self._tap is not None:
-            self._cases.tell_tap(self._tap.finish(cut_off=cut_off))
+            self._cases.report_tap(self._tap.finish(cut_off=cut_off))
         return self._tap is not None
 
     def _take_line(self, line: str) -> None:
@@ -187,7 +187,7 @@ class _Output:
             if looks_like_tap(line):
                 self._tap = TapParser()
         if self._tap is not None:
-            self._cases.tell_tap(self._tap.feed(line))
+            self._cases.report_tap(self._tap.feed(line))
 
 
 def _files_below(folder: Path) -> Iterator[Path]:

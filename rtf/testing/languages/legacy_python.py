@@ -132,8 +132,8 @@ def _assert_fail(message: object) -> NoReturn:
 
 _FUNCTIONS: dict[str, Callable[..., object]] = {
     "setName": lambda name: _now().rename(str(name)),
-    "testReport": lambda message: _now().tell(_caller(), str(message)),
-    "testCheck": lambda condition, message: _now().tell_check(_caller(), condition, str(message)),
+    "testReport": lambda message: _now().report_at(_caller(), str(message)),
+    "testCheck": lambda condition, message: _now().check_at(_caller(), condition, str(message)),
     "testFailIf": lambda condition, message: _now().fail_unless(_caller(), condition, str(condition), str(message)),
     "testFail": lambda condition, message: _now().fail_unless(_caller(), False, str(condition), str(message)),
     "assertError": _assert_error,

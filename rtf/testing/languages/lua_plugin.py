@@ -77,8 +77,8 @@ class LuaTest(ScriptTest):
         self._stopped_before = False
         self._api: dict[str, Callable[..., object]] = {
             "setName": self._set_name,
-            "testReport": self.tell,
-            "testCheck": self.tell_check,
+            "testReport": self.report_at,
+            "testCheck": self.check_at,
             "testFailIf": self.fail_unless,
             "assertError": self._assert_error,
             "assertFail": self._assert_fail,

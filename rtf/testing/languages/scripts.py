@@ -80,11 +80,11 @@ class ScriptTest(RawParameters):
         """The session that receives the script's calls."""
         return self._session
 
-    def tell(self, place: Place, text: str) -> None:
+    def report_at(self, place: Place, text: str) -> None:
         """Report a message."""
         self.session.message(Severity.INFO, "reports", text, place)
 
-    def tell_check(self, place: Place, holds: object, text: str) -> None:
+    def check_at(self, place: Place, holds: object, text: str) -> None:
         """Report the text if the condition holds, as a failure if it does not."""
         self.session.check(holds, text, place)
 

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
     from rtf.testing.results import RunResult, TestResult
 
-#: The events that tell of one attempt at a test.
+#: The events of one attempt at a test.
 _OF_AN_ATTEMPT = {cls for cls in KINDS.values() if "test" in cls.__struct_fields__}
 _OF_AN_ATTEMPT -= {TestPlanned, TestRenamed, FixtureIncident, Progressed, SeriesSampled}
 

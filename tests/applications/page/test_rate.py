@@ -44,7 +44,7 @@ def test_rate_is_that_of_the_messages_that_came():
         assert [one.name for one in network.names.list()] == ["/source"]
 
 
-def test_port_that_is_not_open_is_told():
+def test_port_that_is_not_open_is_reported():
     """By its name."""
     with pytest.raises(MiddlewareError, match="/nowhere"):
         measure(Network(LocalNames()), "/nowhere")

@@ -173,7 +173,7 @@ def test_bad_requests_are_refused(client: Client, path: str, body: object, statu
     assert "error" in answer.json
 
 
-def test_a_file_that_cannot_be_read_is_told(client: Client, folder: Path):
+def test_a_file_that_cannot_be_read_is_reported(client: Client, folder: Path):
     """With its place; the page stays."""
     (folder / "lab.xml").write_text("<application>\n<module></application>")
     answer = client.get("/applications/0/document")

@@ -24,7 +24,7 @@ NETWORK = Network(LocalNames())
 
 
 def test_node_that_is_not_there():
-    """The error says how to find nodes; an address where nobody listens is told, too."""
+    """The error says how to find nodes; an address where nobody listens is reported, too."""
     with pytest.raises(NodeError, match="no node /node; 'rtf name runners'"):
         RunClient("/node", network=NETWORK).running()
     with pytest.raises(NodeError, match="/gone did not answer: Cannot connect"):
@@ -56,13 +56,13 @@ def test_port_that_is_no_node(ask: Callable[[RunClient], object], reply: list[ob
 
 
 def test_port_that_gives_no_answers():
-    """A port that only listens is told as such, or not at all as a node."""
+    """A port that only listens is reported as such, or not at all as a node."""
     with BufferedPort("/node", network=NETWORK), pytest.raises(NodeError):
         RunClient("/node", network=NETWORK, timeout=0.5).start(Start("t", "x"))
 
 
 def test_node_that_ends_in_the_middle():
-    """Its connection is lost, which is told at once."""
+    """Its connection is lost, which is reported at once."""
     port: list[RpcServer] = []
 
     def leave(_: Bottle) -> Bottle:

@@ -1,6 +1,6 @@
 """Conversations of ``yarprun`` and ``yarpmanager`` 3.12.3, replayed in both roles.
 
-Process ids differ, and four answers do on purpose: a program that cannot be started is told of, a message that asks
+Process ids differ, and four answers do on purpose: a program that cannot be started is reported, a message that asks
 for nothing ends the connection, no terminal is opened, and the figures of the machine are without its environment.
 """
 

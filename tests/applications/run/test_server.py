@@ -75,7 +75,7 @@ def start(node: Node, tag: str, command: str, **more: object) -> int:
 class TestPrograms:
     """How programs are started and end."""
 
-    def test_end_is_told_with_the_last_lines(self, node: Node):
+    def test_end_is_reported_with_the_last_lines(self, node: Node):
         """Also those of the error output."""
         start(node, "t", 'sh -c "echo one; echo two >&2; exit 3"')
         assert node.said_of("t").partition("ended: ")[2] == "exit status 3\n  one\n  two"
@@ -206,7 +206,7 @@ class TestLimits:
             eventually(lambda: logger.pending, "nothing was logged")
 
     def test_program_that_does_not_end(self, tmp_path: Path):
-        """It is killed after the grace when the node ends, and that is told."""
+        """It is killed after the grace when the node ends, and that is reported."""
         said: list[str] = []
         network = Network(LocalNames())
         with RunServer("/small", network=network, said=said.append, grace=0.2) as server:
@@ -280,7 +280,7 @@ class TestOutput:
         assert {record.sender for record in records} == {name}
 
     def test_collector_understands_lines(self, node: Node, tmp_path: Path):
-        """Levels and components that a program prints are those of its records, and the port's name tells whose."""
+        """Levels and components that a program prints are those of its records, and the port's name says whose."""
         with LogStore(tmp_path / "log") as store, Collector(store, network=node.network) as collector:
             pid = start(node, "t", 'sh -c "echo [WARNING] \\|motor\\| hot; echo plain"', log="")
             eventually(lambda: collector.written == 2, "the records did not arrive")
@@ -293,7 +293,7 @@ class TestOutput:
         ]
 
     def test_lines_wait_for_the_logger(self, node: Node, monkeypatch: pytest.MonkeyPatch):
-        """A logger that is started later gets them, and that it is missing is told once."""
+        """A logger that is started later gets them, and that it is missing is reported once."""
         monkeypatch.setattr("rtf.applications.run.output._AGAIN", 0.05)
         start(node, "t", 'sh -c "echo early; exec sleep 60"', log="/later")
         eventually(lambda: any("can be reached" in line for line in node.said), "nothing was said")

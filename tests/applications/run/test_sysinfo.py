@@ -73,7 +73,7 @@ def recorded() -> bytes:
     return segments(recordings("3.12.3", "nodes.json")["sysinfo"])[3][1]
 
 
-def test_measured_figures_tell_nothing_of_the_user(monkeypatch: pytest.MonkeyPatch):
+def test_measured_figures_reveal_nothing_of_the_user(monkeypatch: pytest.MonkeyPatch):
     """No variable of the environment, no name and no home: a real node sends them all."""
     monkeypatch.setenv("SECRET_TOKEN", "swordfish-4711")
     info = measure()

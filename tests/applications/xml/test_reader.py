@@ -148,7 +148,7 @@ def test_template_is_an_application(tmp_path: Path):
     ],
 )
 def test_problems_have_a_place(tmp_path: Path, content: str, message: str):
-    """Each is told with file, line and column, and reading goes on."""
+    """Each is reported with file, line and column, and reading goes on."""
     long = f"<var name='robot'/><var name='long'>{'x' * 10000}</var>"
     loaded = load(tmp_path, f"<application>{long}\n{content}</application>", broken="<application>")
     (found,) = map(str, loaded.diagnostics)
@@ -156,7 +156,7 @@ def test_problems_have_a_place(tmp_path: Path, content: str, message: str):
     assert f"{tmp_path}/main.xml:2:" in found or "broken.xml:1:14" in found
 
 
-def test_circle_through_several_files_is_told_with_all_of_them(tmp_path: Path):
+def test_circle_through_several_files_is_reported_with_all_of_them(tmp_path: Path):
     """The chain names the files in the order in which they embed each other."""
     embed = "<application><application><name>{}</name></application></application>"
     loaded = load(tmp_path, embed.format("b"), b=embed.format("c"), c=embed.format("main"))
@@ -215,7 +215,7 @@ filled = st.builds(
 
 
 @given(st.lists(elements | filled, max_size=5))
-def test_any_arrangement_of_known_elements_is_read_or_told(content: list[str]):
+def test_any_arrangement_of_known_elements_is_read_or_reported(content: list[str]):
     """The reader raises nothing: what cannot be used is a problem with a place."""
     with TemporaryDirectory() as folder:
         loaded = load(Path(folder), f"<application>{''.join(content)}</application>")

@@ -70,7 +70,7 @@ def test_hostile_files_are_refused(data: bytes, message: str):
 
 
 def test_file_that_cannot_be_read(tmp_path: Path):
-    """A folder, or no file at all, is told with the reason of the system."""
+    """A folder, or no file at all, is reported with the reason of the system."""
     with pytest.raises(XmlError, match="Is a directory"):
         read_tree(tmp_path)
     with pytest.raises(XmlError, match="No such file"):

@@ -72,7 +72,7 @@ def test_chance_differences_are_as_rare_as_promised():
 
 
 def test_a_detection_limit_that_moved_is_found():
-    """The new firmware hides small faults: the shares at equal severities differ, and both limits are told."""
+    """The new firmware hides small faults: the shares at equal severities differ, and both limits are reported."""
     random = np.random.default_rng(2)
     changes = compared(
         Truth(middle=0.6).campaign(random, SEVERITIES, 30), Truth(middle=1.2).campaign(random, SEVERITIES, 30)
@@ -116,7 +116,7 @@ def test_false_alarms_and_wrong_joints_are_compared():
     assert not changes["detection"].significant
 
 
-def test_what_one_of_them_has_is_told():
+def test_what_one_of_them_has_is_reported():
     """Nothing is compared where there is nothing in common: other tests, other severities."""
     found = compared([outcome(test="A"), faulty(1.0, found=True)], [outcome(test="B"), faulty(2.0, found=True)])
     assert found.only_before == ("A on a healthy icub",)

@@ -51,13 +51,13 @@ def test_all_is_found_by_the_tests_that_are_chosen():
 
 
 def test_a_budget_limits_the_choice():
-    """In five seconds the quick test finds three of six; what is missed is told."""
+    """In five seconds the quick test finds three of six; what is missed is reported."""
     choice = choose(campaign(FINDS, SECONDS, {"jam", "drift"}), 5.0)
     assert [(step.test, step.share) for step in choice.steps] == [("Quick", 0.5)]
     assert [(need.fault, need.severity) for need in choice.missed] == [("drift", 1.0), ("jam", 1.0), ("jam", 2.0)]
 
 
-def test_what_no_test_finds_is_told():
+def test_what_no_test_finds_is_reported():
     """It is no need of the choice."""
     choice = choose(campaign(FINDS, SECONDS, {"jam", "drift", "ghost"}))
     assert choice.needs == 6

@@ -106,7 +106,7 @@ def test_so_many_runs_without_a_miss_bound_the_limit():
         ),
     ],
 )
-def test_the_reason_is_told_where_there_is_no_curve(outcomes: list[Outcome], reason: str, limit: float | None):
+def test_the_reason_is_reported_where_there_is_no_curve(outcomes: list[Outcome], reason: str, limit: float | None):
     """What was tried does not decide where the curve is; the levels stand for themselves."""
     found = curve(outcomes)
     assert (found.method, found.limit.severity) == ("levels", limit)
@@ -149,7 +149,7 @@ def test_the_right_joint_is_named(named: str | None, right: int):
 
 
 def test_joints_are_told_apart():
-    """A curve is of all joints; which of them hide the fault is told beside it."""
+    """A curve is of all joints; which of them hide the fault is reported beside it."""
     found = curve([faulty(1.0, found=joint == "l_elbow", joint=joint) for joint in ("l_elbow", "r_knee", "l_elbow")])
     assert [(one.joint, one.found.count, one.found.trials) for one in found.joints] == [
         ("l_elbow", 2, 2),

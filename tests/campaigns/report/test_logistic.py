@@ -77,7 +77,7 @@ def test_any_counts_have_a_curve_or_none(found: np.ndarray, scale: float, shift:
 @pytest.mark.parametrize(
     "found", [[0, 0, 0, 0, 0, 0, 0], [9, 9, 9, 9, 9, 9, 9], [0, 0, 0, 9, 9, 9, 9], [0, 0, 0, 4, 9, 9, 9]]
 )
-def test_separation_is_told(found: list[int]):
+def test_separation_is_reported(found: list[int]):
     """All, none, a clean step, and a step with one mixed level have no most likely curve."""
     assert fit_logistic(X, np.array(found, float), np.full(7, 9.0)) is None
 

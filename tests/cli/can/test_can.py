@@ -76,7 +76,7 @@ def test_scan_lists_boards(capsys: Captured):
 
 
 @pytest.mark.usefixtures("arm")
-def test_scan_tells_two_boards_with_one_address(capsys: Captured):
+def test_scan_reports_two_boards_with_one_address(capsys: Captured):
     """Two answers from one address are an error."""
     with closing(ScriptedBoard(BusSettings("virtual", CHANNEL), 3)):
         printed(capsys, 1, lambda out: "two boards have the address 3" in out, "scan", "--seconds", "0.1")
@@ -120,7 +120,7 @@ def test_parameters_are_set_and_read(arm: ScriptedBoard, drive: ScriptedBoard, c
         (("scan", "--port", "1"), "it is of udp_multicast"),
     ],
 )
-def test_wrong_words_are_told(words: tuple[str, ...], said: str, capsys: Captured):
+def test_wrong_words_are_reported(words: tuple[str, ...], said: str, capsys: Captured):
     """A usage error names the argument, and what would be right."""
     with pytest.raises(SystemExit) as ended:
         run(*words)

@@ -59,8 +59,8 @@ class Tool:
             self.process.stdin.flush()
         except BrokenPipeError:
             self.process.wait(_LIMIT)
-            told = f"{self.words} ended with {self.process.returncode}: {self.stdout}{self.stderr}"
-            raise AssertionError(told) from None
+            message = f"{self.words} ended with {self.process.returncode}: {self.stdout}{self.stderr}"
+            raise AssertionError(message) from None
 
     def wait(self) -> int:
         """End the input, and return the exit code."""
@@ -89,8 +89,8 @@ class Tool:
         """Wait until a condition holds, while the tool runs."""
         deadline = clock.Deadline.after(_LIMIT)
         while not condition():
-            told = f"{self.words}: {what} did not come about\nstdout: {self.stdout}\nstderr: {self.stderr}"
-            assert not deadline.expired, told
+            message = f"{self.words}: {what} did not come about\nstdout: {self.stdout}\nstderr: {self.stderr}"
+            assert not deadline.expired, message
             clock.sleep(0.005)
 
     def until_printed(self, text: str) -> None:

@@ -79,7 +79,7 @@ def test_a_full_disk_ends_the_recording_with_its_file(net: Net, place: str):
     assert [sample.value.to_text() for sample in read_all(net.folder / place)][:2] == ["[pos] 0 1.5", "[pos] 1 1.5"]
 
 
-def test_mistakes_are_told_before_anything_is_written(net: Net):
+def test_mistakes_are_reported_before_anything_is_written(net: Net):
     """A port that is not there, a folder that is used, a broken line with its place, and a name that is taken."""
     nobody = net.run("record", "/nobody", "-o", "none")
     assert "[ERROR] There is no port /nobody." in nobody.stderr

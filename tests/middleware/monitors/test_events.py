@@ -39,7 +39,7 @@ def test_any_text_is_an_expression_or_an_error_of_ours(text: str):
 
 
 @pytest.mark.parametrize("text", ["a and", "a b", "(a", "a)", "not", "and a", "a & b", "x" * 1001, "("])
-def test_what_cannot_be_read_is_told(text: str):
+def test_what_cannot_be_read_is_reported(text: str):
     """With the text."""
     with pytest.raises(ProtocolError, match="constraint"):
         Constraint(text)

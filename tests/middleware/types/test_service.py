@@ -154,7 +154,7 @@ def test_a_service_answers(question: str, data: str):
     assert written(SERVICE.answer(Bottle.parse(question))) == hexadecimal(data)
 
 
-def test_a_service_tells_its_functions():
+def test_a_service_lists_its_functions():
     """Help lists the functions, or describes one."""
     names = "get_phase is_ready set_nothing get_joint get_stamp get_bottle help"
     assert Record.codec.to_text(SERVICE.answer(Bottle(["help"]))) == f'[many] ("*** Available commands:" {names})'

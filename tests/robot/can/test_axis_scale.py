@@ -52,26 +52,26 @@ def test_controllers_of_a_board_come_back_exactly(scale: AxisScale, raw: RawPid)
 
 
 @given(SCALES, st.floats(allow_nan=False))
-def test_what_does_not_fit_is_limited_and_told(scale: AxisScale, value: float):
-    """Every value becomes an integer within its range; one outside becomes the nearest end, and is told."""
-    told: list[int] = []
-    telling = AxisScale(ticks=scale.ticks, saturated=lambda _what, _value, limit: told.append(limit))
+def test_what_does_not_fit_is_limited_and_reported(scale: AxisScale, value: float):
+    """Every value becomes an integer within its range; one outside becomes the nearest end, and is reported."""
+    reported: list[int] = []
+    reporting = AxisScale(ticks=scale.ticks, saturated=lambda _what, _value, limit: reported.append(limit))
     for limits in (SHORT, LONG):
-        told.clear()
-        got = telling.integer("value", value, limits)
+        reported.clear()
+        got = reporting.integer("value", value, limits)
         assert limits[0] <= got <= limits[1]
-        assert told == ([] if limits[0] <= value <= limits[1] else [got])
-        if told:
+        assert reported == ([] if limits[0] <= value <= limits[1] else [got])
+        if reported:
             assert got == limits[value > 0]
 
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_positions_beyond_four_bytes_do_not_wrap(sign: int):
     """The greatest position is sent instead of one of the other sign."""
-    told: list[tuple[str, float, int]] = []
-    scale = AxisScale(ticks=1000.0, saturated=lambda *said: told.append(said))
+    reported: list[tuple[str, float, int]] = []
+    scale = AxisScale(ticks=1000.0, saturated=lambda *said: reported.append(said))
     assert scale.position(sign * 1e9) == LONG[sign > 0]
-    assert told == [("position", sign * 1e12, LONG[sign > 0])]
+    assert reported == [("position", sign * 1e12, LONG[sign > 0])]
 
 
 def test_least_speeds():

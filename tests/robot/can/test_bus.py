@@ -142,7 +142,7 @@ def test_what_waits_is_sent_with_the_next_frame(channel: str, failing: type[Fail
     receiver.close()
 
 
-def test_what_cannot_be_sent_is_told(channel: str, failing: type[Failing]):
+def test_what_cannot_be_sent_is_reported(channel: str, failing: type[Failing]):
     """A full queue refuses frames; frames that waited too long are dropped, counted and reported."""
     said: list[str] = []
     bus = CanBus(
@@ -162,7 +162,7 @@ def test_what_cannot_be_sent_is_told(channel: str, failing: type[Failing]):
 
 
 @pytest.mark.parametrize("how", ["written", "off"])
-def test_a_lost_bus_is_told_and_opened_again(channel: str, failing: type[Failing], how: str):
+def test_a_lost_bus_is_reported_and_opened_again(channel: str, failing: type[Failing], how: str):
     """After an error of writing, or when the interface says that it is off, nothing is sent until it is open again."""
     said: Queue[str] = Queue()
     bus = CanBus(BusSettings("virtual", channel), report=said.put, opener=lambda one: failing(channel=one.channel))
@@ -280,7 +280,7 @@ def test_settings_are_read():
         bus_settings(Property.parse("(CAN (channel can0))"))
 
 
-def test_an_unknown_interface_is_told():
+def test_an_unknown_interface_is_reported():
     """The error names the bus, and what python-can says."""
     with pytest.raises(DeviceError, match=r"the CAN bus teleport 1 cannot be opened: .*teleport"):
         CanBus(BusSettings("teleport", "1"))

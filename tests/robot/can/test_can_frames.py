@@ -179,7 +179,7 @@ def test_a_host_can_fall_silent_for_a_time(remote: CanBus, bus: CanBus, publishe
     raw.shutdown()
 
 
-def test_a_missing_program_is_told(network: Network):
+def test_a_missing_program_is_reported(network: Network):
     """The name of the bus is in the error, and a closed bus sends nothing."""
     with pytest.raises(can.CanInitializationError, match="/nobody"):
         YarpBus("/nobody", network=network)

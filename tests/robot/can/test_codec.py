@@ -39,9 +39,9 @@ def sent(draw: st.DrawFn) -> tuple[Message, int, int, tuple[float | bytes, ...]]
 
 
 @given(sent())
-def test_what_is_encoded_is_decoded(told: tuple[Message, int, int, tuple[float | bytes, ...]]):
+def test_what_is_encoded_is_decoded(sent_frame: tuple[Message, int, int, tuple[float | bytes, ...]]):
     """A frame has the message, the board, the axis and the values from which it was made, in each of its dialects."""
-    message, board, axis, values = told
+    message, board, axis, values = sent_frame
     frame = message.frame(board, *values, axis=axis)
     assert len(frame.data) <= 8
     for dialect in DIALECTS:
@@ -117,13 +117,13 @@ def test_frames_that_are_no_messages_are_named(identifier: int, data: bytes, sai
 
 
 @pytest.mark.parametrize("position", [-(1 << 31) - 1, 1 << 31, 0.5, math.inf, "1"])
-def test_values_that_do_not_fit_are_told(position: object):
+def test_values_that_do_not_fit_are_reported(position: object):
     """An integer is never wrapped, and a fraction never cut off: the error names the field and its range."""
     with pytest.raises(MessageError, match="target is an integer from -2147483648 to 2147483647"):
         motor.POSITION_MOVE.frame(3, position, 10)
 
 
-def test_other_mistakes_are_told():
+def test_other_mistakes_are_reported():
     """Wrong numbers of values, addresses, axes and lengths of texts raise MessageError."""
     for make, said in [
         (lambda: motor.POSITION_MOVE.frame(3, 1), "has 2 values"),

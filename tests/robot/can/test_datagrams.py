@@ -82,7 +82,7 @@ def test_a_foreign_identifier_is_ignored():
 
 
 @pytest.mark.parametrize("channel", ["nowhere", "127.0.0.1"])
-def test_a_group_that_is_none_is_told(channel: str):
+def test_a_group_that_is_none_is_reported(channel: str):
     """With the bus, and the cause."""
     with pytest.raises(DeviceError, match=f"the CAN bus datagrams {channel} cannot be opened"):
         CanBus(BusSettings(DATAGRAMS, channel))

@@ -62,26 +62,26 @@ def test_feedback_is_that_of_rotor_and_joint(gearbox: float, zero: float, curren
 
 
 @given(GEARBOXES, st.floats(-1e6, 1e6), st.floats(-1e6, 1e6))
-def test_a_velocity_that_does_not_fit_is_limited_and_told(gearbox: float, error: float, velocity: float):
+def test_a_velocity_that_does_not_fit_is_limited_and_reported(gearbox: float, error: float, velocity: float):
     """The velocity of the trajectory, and as much more as the error asks for, has the way of the rotor."""
-    told: list[int] = []
-    one = link(gearbox, saturated=lambda _what, _value, limit: told.append(limit))
+    reported: list[int] = []
+    one = link(gearbox, saturated=lambda _what, _value, limit: reported.append(limit))
     word = one.word(ControlMode.POSITION, setpoints(error, velocity), 0)  # type: ignore[arg-type]  # all that it reads
     wanted = (velocity + 10.0 * error) * gearbox / SPEED
     assert word == min(max(round(wanted), SHORT[0]), SHORT[1])
-    assert told == ([] if SHORT[0] <= wanted <= SHORT[1] else [word])
+    assert reported == ([] if SHORT[0] <= wanted <= SHORT[1] else [word])
 
 
 @given(st.floats(-1e6, 1e6))
-def test_efforts_that_do_not_fit_are_limited_and_told(value: float):
+def test_efforts_that_do_not_fit_are_limited_and_reported(value: float):
     """Currents are in mA; a duty cycle of 100 per cent is 32000; neither wraps."""
     for mode, given_, wanted in (
         (ControlMode.CURRENT, setpoints(current=value), value * 1e3),
         (ControlMode.PWM, setpoints(duty=value), value * 320),
     ):
-        told: list[int] = []
-        one = link(100.0, saturated=lambda _what, _value, limit, told=told: told.append(limit))  # type: ignore[misc]
+        reported: list[int] = []
+        one = link(100.0, saturated=lambda _what, _value, limit, reported=reported: reported.append(limit))  # type: ignore[misc]
         word = one.word(mode, given_, 0)  # type: ignore[arg-type]
         assert abs(word - min(max(wanted, SHORT[0]), SHORT[1])) <= 0.5 + 1e-6
-        assert bool(told) == (not SHORT[0] <= wanted <= SHORT[1] and word in SHORT)
+        assert bool(reported) == (not SHORT[0] <= wanted <= SHORT[1] and word in SHORT)
     assert link(100.0).word(ControlMode.IDLE, setpoints(1.0, 1.0, 1.0, 1.0), 0) == 0  # type: ignore[arg-type]

@@ -199,7 +199,7 @@ def test_a_board_that_is_reset_is_a_fault_and_configured_again(arm: ControlBoard
     soon(lambda: joints[0].values.get(("position_pid", 0)) == (100, 1, 10, 4))
 
 
-def test_a_silent_board_is_told(arm: ControlBoard, joints: tuple[ScriptedBoard, ...]):
+def test_a_silent_board_is_reported(arm: ControlBoard, joints: tuple[ScriptedBoard, ...]):
     """Old positions are not taken for new ones: reading raises StaleStateError until the board sends again."""
     joints[1].silent = True
 
@@ -269,11 +269,11 @@ def test_boards_and_bus_are_variables(arm: ControlBoard, joints: tuple[ScriptedB
     """Types, versions and errors of the boards, and load and counters of the bus, can be asked for, by clients too."""
     expected = Bottle.parse('(3 MC_4DC "1.2.3" "1.6" 4 5) (4 MC_4DC "1.2.3" "1.6" 0 0)')
 
-    def told() -> bool:  # again and again: the board sends states of its own, without errors
+    def sent() -> bool:  # again and again: the board sends states of its own, without errors
         joints[0].send(motor.STATUS, 0, BoardMode.POSITION, 0, BoardMode.POSITION, 0, 0, 4, 5)
         return bool(arm.variable("canBoards") == expected)
 
-    soon(told)
+    soon(sent)
     soon(lambda: float(arm.variable("canBus").find("load")) > 0)
     counted = Property.from_bottle(arm.variable("canBus"))
     assert counted.find("received") > 0
@@ -287,7 +287,7 @@ def test_closing_switches_off(joints: tuple[ScriptedBoard, ...], channel: str):
     soon(lambda: joints[0].mode == [BoardMode.IDLE] * 2 and joints[0].mask == 0)
 
 
-def test_limits_that_do_not_fit_are_told(arm: ControlBoard, joints: tuple[ScriptedBoard, ...]):
+def test_limits_that_do_not_fit_are_reported(arm: ControlBoard, joints: tuple[ScriptedBoard, ...]):
     """A limit beyond the range of ticks is sent as the greatest one."""
     arm.set_limits(0, -30.0, 1e8)
     soon(lambda: joints[0].values["max_position", 0] == ((1 << 31) - 1,))
@@ -334,14 +334,14 @@ def test_faults_of_drives(drives: ControlBoard, motors: tuple[ScriptedBoard, ...
 # Boards that cannot be used ---------------------------------------------------------------------------------------
 
 
-def test_settings_that_are_not_taken_are_told(joints: tuple[ScriptedBoard, ...], channel: str):
+def test_settings_that_are_not_taken_are_reported(joints: tuple[ScriptedBoard, ...], channel: str):
     """What can be read back is compared with what was sent."""
     joints[0].deaf = {"set_max_position"}
     with pytest.raises(DeviceError, match=r"a: board 3 has not taken set_max_position: it has \(0,\), not \(3000,\)"):
         opened(JOINTS, channel)
 
 
-def test_two_boards_with_one_address_are_told(joints: tuple[ScriptedBoard, ...], channel: str):
+def test_two_boards_with_one_address_are_reported(joints: tuple[ScriptedBoard, ...], channel: str):
     """A question has two answers then."""
     joints[1].twins = 2
     with pytest.raises(DeviceError, match=r"two boards on virtual .* have the address 4: disconnect one"):
@@ -382,7 +382,7 @@ def test_an_axis_belongs_to_one_device(arm: ControlBoard, joints: tuple[Scripted
         ("(interface virtual)", "", "interface is missing"),
     ],
 )
-def test_wrong_configurations_are_told(before: str, after: str, said: str):
+def test_wrong_configurations_are_reported(before: str, after: str, said: str):
     """The error names the key."""
     with pytest.raises(ConfigurationError, match=said):
         opened(JOINTS.replace(before, after), "unused")

@@ -108,7 +108,7 @@ def test_the_device_of_analog_boards(board: StrainBoard, channel: str):
         opened("canBusAnalogSensor", "(canAddress 14) (channels 4)", channel)
 
 
-def test_saturated_channels_are_told(board: StrainBoard, channel: str):
+def test_saturated_channels_are_reported(board: StrainBoard, channel: str):
     """The status is OVERFLOW, in which only the older interface has values."""
     with closing(opened("canBusStrain", STRAIN + " (fullScale 1 1 1 1 1 1)", channel)) as device:
         board.bus.send(sensor.FORCE_SATURATED.frame(13, 0xFFFF, 0, 0, 0b0101), sensor.TORQUE.frame(13, 0, 0, 0))
@@ -137,7 +137,7 @@ def test_another_board_is_refused(board: StrainBoard, channel: str):
         opened("canBusStrain", STRAIN, channel)
 
 
-def test_old_readings_are_told(board: StrainBoard, channel: str):
+def test_old_readings_are_reported(board: StrainBoard, channel: str):
     """A board that has stopped sending has the status TIMEOUT."""
     with closing(opened("canBusStrain", "(canAddress 13) (timeout 20)", channel)) as device:
         board.bus.send(sensor.FORCE.frame(13, 1, 2, 3), sensor.TORQUE.frame(13, 1, 2, 3))
@@ -195,7 +195,7 @@ def test_skin(board: StrainBoard, channel: str):
         ("canBusSkin", "", "canAddresses"),
     ],
 )
-def test_wrong_configurations_are_told(kind: str, text: str, said: str):
+def test_wrong_configurations_are_reported(kind: str, text: str, said: str):
     """The error names the parameter."""
     with pytest.raises(ConfigurationError, match=said):
         opened(kind, text, "unused")

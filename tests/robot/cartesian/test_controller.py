@@ -76,7 +76,7 @@ def target_near(shares: tuple[float, ...]) -> np.ndarray:
 @settings(max_examples=12)
 @given(st.tuples(*[st.floats(-1.0, 1.0)] * 7).map(target_near))
 def test_a_pose_within_reach_is_reached(target):
-    """Within 2 mm and 1 deg at a tolerance of 1 mm; the motion is told at both ends; the torso does not move."""
+    """Within 2 mm and 1 deg at a tolerance of 1 mm; the motion is reported at both ends; the torso does not move."""
     rig = Rig()
     rig.controller.set_tolerance(0.001)
     rig.controller.go_to(target, 1.0)
@@ -92,7 +92,7 @@ def test_a_pose_within_reach_is_reached(target):
     assert set(rig.board.control_modes(range(3))) == {ControlMode.POSITION}
 
 
-def test_checkpoints_are_told_on_the_way():
+def test_checkpoints_are_reported_on_the_way():
     """Each once, in their order, before the end; one at the very end, too."""
     rig = Rig()
     for share in (0.7, 0.2, 1.0):
@@ -109,7 +109,7 @@ def test_checkpoints_are_told_on_the_way():
         rig.controller.remove_checkpoint(0.2)
 
 
-def test_a_target_out_of_reach_has_an_end_and_is_told():
+def test_a_target_out_of_reach_has_an_end_and_is_reported():
     """At the nearest pose: the solution is another one than the target."""
     rig = Rig()
     rig.controller.go_to([-1.5, -0.1, 0.1], 1.0)
@@ -278,32 +278,32 @@ def test_a_tool_is_what_is_moved():
 def test_settings_and_contexts():
     """What is stored comes back; the first is number 0; values are those that the robot can have."""
     rig = Rig()
-    told = rig.controller
-    told.set_trajectory_time(0.001)
-    assert told.trajectory_time() == pytest.approx(0.1)
-    assert told.set_rest_posture([500.0, 3.0])[:2].tolist() == [CHAIN.maxima[0], 3.0]
-    assert told.set_rest_weights([-1.0, 2.0])[:3].tolist() == [0.0, 2.0, 0.0]
-    told.set_limits(0, 0.0, 0.0)
-    assert told.limits(0) == (0.0, 0.0)
+    arm = rig.controller
+    arm.set_trajectory_time(0.001)
+    assert arm.trajectory_time() == pytest.approx(0.1)
+    assert arm.set_rest_posture([500.0, 3.0])[:2].tolist() == [CHAIN.maxima[0], 3.0]
+    assert arm.set_rest_weights([-1.0, 2.0])[:3].tolist() == [0.0, 2.0, 0.0]
+    arm.set_limits(0, 0.0, 0.0)
+    assert arm.limits(0) == (0.0, 0.0)
     with pytest.raises(RefusedError, match="limits of torso_pitch lie within"):
-        told.set_limits(0, -500.0, 0.0)
+        arm.set_limits(0, -500.0, 0.0)
     with pytest.raises(RefusedError, match="joints 0 to 9, not 10"):
-        told.limits(10)
-    told.set_priority("orientation")
-    told.set_tweaks(Bottle.parse("(straightness 0.2)"))
-    assert told.tweaks() == Bottle.parse("(straightness 0.2)")
+        arm.limits(10)
+    arm.set_priority("orientation")
+    arm.set_tweaks(Bottle.parse("(straightness 0.2)"))
+    assert arm.tweaks() == Bottle.parse("(straightness 0.2)")
     for wrong in ("(speed 1)", "(straightness)", "straightness 0.2"):
         with pytest.raises(RefusedError, match="a tweak is"):
-            told.set_tweaks(Bottle.parse(wrong))
-    context = told.store_context()
-    told.restore_context(0)
-    assert (told.trajectory_time(), told.priority(), told.limits(0)[0]) == (2.0, "position", CHAIN.minima[0])
-    told.restore_context(context)
-    assert (told.trajectory_time(), told.priority(), told.limits(0)) == (pytest.approx(0.1), "orientation", (0.0, 0.0))
-    told.delete_contexts([context, 0, 77])
-    told.restore_context(0)
+            arm.set_tweaks(Bottle.parse(wrong))
+    context = arm.store_context()
+    arm.restore_context(0)
+    assert (arm.trajectory_time(), arm.priority(), arm.limits(0)[0]) == (2.0, "position", CHAIN.minima[0])
+    arm.restore_context(context)
+    assert (arm.trajectory_time(), arm.priority(), arm.limits(0)) == (pytest.approx(0.1), "orientation", (0.0, 0.0))
+    arm.delete_contexts([context, 0, 77])
+    arm.restore_context(0)
     with pytest.raises(RefusedError, match=f"there is no context {context}"):
-        told.restore_context(context)
+        arm.restore_context(context)
 
 
 @pytest.mark.parametrize("target", [[0.0, 1.0], [float("nan"), 0.0, 0.0], [0, 0, 0, 0, 0, 0, 1]])

@@ -94,7 +94,7 @@ def test_the_arm_is_moved_through_the_network(client: ICartesianControl, boards:
         ("(0 0 1))))", "(0 0))))", "Drawn: a link, a place and weights are needed"),
     ],
 )
-def test_wrong_configurations_are_told(network: Network, old: str, new: str, message: str):
+def test_wrong_configurations_are_reported(network: Network, old: str, new: str, message: str):
     """By the parameter, and what is there instead."""
     assert old in GENERAL
     with pytest.raises(ConfigurationError, match=message):

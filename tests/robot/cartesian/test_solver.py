@@ -191,7 +191,7 @@ def test_its_settings_are_those_of_the_original(asker: Asker, solver: Solver):
 
 
 def test_it_is_suspended_and_goes_on(asker: Asker, board: Board, solver: Solver):
-    """On request, and while the board sends no states; the reason is told once."""
+    """On request, and while the board sends no states; the reason is reported once."""
     assert asker.ask("stat") == "[ack] running"
     assert asker.ask("susp") == "[ack]"
     assert asker.ask("stat") == "[ack] suspended"

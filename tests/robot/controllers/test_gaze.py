@@ -70,7 +70,7 @@ POINTS = st.tuples(st.floats(-40, 40), st.floats(-30, 25), st.floats(2.0, 12.0))
 @settings(max_examples=12)
 @given(POINTS, st.booleans())
 def test_both_eyes_look_at_the_point(angles, saccades: bool):
-    """Everywhere in front, within 0.3 deg once the motion is done; it is told once, and then nothing moves."""
+    """Everywhere in front, within 0.3 deg once the motion is done; it is reported once, and then nothing moves."""
     point = EYES.point_of(angles)
     head = Head(saccades=saccades)
     head.look(point)
@@ -167,7 +167,7 @@ TURN = float(np.sign(np.cross(*_AHEAD)[2]))
 
 
 def test_the_reflex_holds_the_eyes_while_the_head_is_turned():
-    """A torso that turns at 20 deg/s, told by the gyroscope: within 0.5 deg; without the reflex it is much more."""
+    """A torso that turns at 20 deg/s, measured by the gyroscope: within 0.5 deg; without the reflex it is much more."""
     point = EYES.point_of((0, 0, 6))
     errors = {}
     for share in (0.0, 1.0):

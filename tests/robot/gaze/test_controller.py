@@ -269,7 +269,7 @@ def test_messages_of_a_gyroscope_may_be_late():
 
 
 def test_stabilization_turns_the_head_against_a_rotation():
-    """By the gyroscope; without one it is refused. It holds until it is switched off, and is told."""
+    """By the gyroscope; without one it is refused. It holds until it is switched off, and is reported."""
     with pytest.raises(RefusedError, match="without a gyroscope"):
         Rig().controller.set_stabilization(True)
     rig = Rig(sensed=True)
@@ -366,7 +366,7 @@ def test_joints_in_fault_are_not_moved():
 
 @pytest.mark.parametrize("lost", [NoAnswerError("the board does not answer"), np.full(9, np.nan)])
 def test_positions_that_are_lost_suspend_the_controller(lost, monkeypatch):
-    """It tells so, refuses targets, stops the eyes, and runs again when it is told to."""
+    """It reports so, refuses targets, stops the eyes, and runs again when it is told to."""
     rig = Rig()
     rig.look(POINT, 0.4)
 
@@ -431,9 +431,9 @@ def test_cameras_are_tweaked():
     gaze = Rig().controller
     matrix = [310.0, 0.0, 150.0, 0.0, 0.0, 305.0, 110.0, 0.0, 0.0, 0.0, 1.0, 0.0]
     gaze.set_tweaks(Bottle([Bottle(["camera_intrinsics_left", Bottle(matrix)])]))
-    told = {one[0]: one[1] for one in gaze.tweaks()}
-    assert told["camera_intrinsics_left"].elements() == matrix
-    assert told["camera_width_right"] == 320
+    tweaks = {one[0]: one[1] for one in gaze.tweaks()}
+    assert tweaks["camera_intrinsics_left"].elements() == matrix
+    assert tweaks["camera_width_right"] == 320
     for wrong in ("((camera_intrinsics_left (1 2)))", "((camera_width_left 100))", "(3)"):
         with pytest.raises(RefusedError):
             gaze.set_tweaks(Bottle.parse(wrong)[0])
@@ -442,8 +442,8 @@ def test_cameras_are_tweaked():
         bare.pixel_of("right", [-0.5, 0.0, 0.3], np.zeros(9) + 1.0)
 
 
-def test_it_tells_what_it_is():
+def test_info_describes_the_controller():
     """Pairs of keys and values, as the original's."""
-    told = {one[0]: one[1] for one in Rig().controller.info()}
-    assert told["min_allowed_vergence"] == EYES.smallest
-    assert "saccade-done" in told["events"].elements()
+    info = {one[0]: one[1] for one in Rig().controller.info()}
+    assert info["min_allowed_vergence"] == EYES.smallest
+    assert "saccade-done" in info["events"].elements()

@@ -87,11 +87,11 @@ def test_the_head_is_moved_through_the_network(client: IGazeControl, boards: dic
         client.look_at(FixationPoint(point))
 
 
-def test_what_it_tells(client: IGazeControl):
+def test_info_and_settings(client: IGazeControl):
     """Versions, settings and cameras are those of the configuration."""
-    told = {one[0]: one[1] for one in client.info()}
-    assert (told["server_version"], told["head_version"]) == ("2.0", "2.5")
-    assert told["camera_extrinsics_left"][11] == 0.02
+    info = {one[0]: one[1] for one in client.info()}
+    assert (info["server_version"], info["head_version"]) == ("2.0", "2.5")
+    assert info["camera_extrinsics_left"][11] == 0.02
     assert (client.neck_trajectory_time(), client.eyes_trajectory_time(), client.saccades()) == (0.5, 0.1, False)
     assert (client.vor_gain(), client.ocr_gain()) == (0.0, 1.0)  # there is no inertial sensor
     with pytest.raises(RefusedError):
@@ -109,7 +109,7 @@ def test_what_it_tells(client: IGazeControl):
         ("(saccades off)", "(eye_tilt (min 5) (max -5))", "min: the eyes tilt from 5 to -5 deg"),
     ],
 )
-def test_wrong_configurations_are_told(network: Network, old: str, new: str, message: str):
+def test_wrong_configurations_are_reported(network: Network, old: str, new: str, message: str):
     """By the parameter, and what is there instead."""
     assert old in SETTINGS
     with pytest.raises(ConfigurationError, match=message):

@@ -99,7 +99,7 @@ def test_a_joint_in_fault_ends_a_motion(robot: SimulatedGaze):
     assert robot.gaze.motion_done()
     ended = ("motion-done", True)  # an event arrives by its own connection, at a time of its own
     eventually(
-        lambda: [(event.name, event.time > began) for event in robot.events[-1:]] == [ended], "the end is not told"
+        lambda: [(event.name, event.time > began) for event in robot.events[-1:]] == [ended], "the end is not reported"
     )
     with pytest.raises(RefusedError):
         robot.gaze.look_at(FixationPoint(point))

@@ -93,7 +93,7 @@ OTHERS = {bool: lambda value: not value, float: lambda value: value + 0.5, Bottl
 
 
 def test_every_setting_goes_there_and_back(client: GazeClient, control: ScriptedGaze):
-    """What is set arrives, and is what is told from then on."""
+    """What is set arrives, and is what is reported from then on."""
     for name in _SETTINGS:
         before = getattr(client, name)()
         assert before == RESULTS[name]

@@ -38,7 +38,7 @@ _LONG = Patience(open=30.0, close=30.0, action=30.0, move=30.0, abort=30.0, grac
 
 
 class Bench:
-    """Runs robots of scripted devices: ``told`` has the robots' log messages, ``calls`` the calls of the devices."""
+    """Runs robots of scripted devices: ``logged`` has the robots' log messages, ``calls`` the calls of the devices."""
 
     #: Other timeouts than those for robots with such devices.
     patience: Patience | None = None
@@ -46,7 +46,7 @@ class Bench:
     def __init__(self, folder: Path, network: Network) -> None:
         self.folder = folder
         self.network = network
-        self.told: list[tuple[str, str]] = []
+        self.logged: list[tuple[str, str]] = []
         self.calls = scripted_devices.CALLS
 
     def read(self, inside: str, attributes: str = 'build="1" portprefix="/bot"', **given: object) -> ReadResult:
@@ -62,7 +62,7 @@ class Bench:
             self.read(inside, attributes).robot,
             network=self.network,
             patience=self.patience or (_SHORT if hangs else _LONG),
-            log=lambda level, sentence: self.told.append((str(level), sentence)),
+            log=lambda level, sentence: self.logged.append((str(level), sentence)),
             autoclose=autoclose,
         )
 
@@ -72,7 +72,7 @@ class Bench:
 
     def errors(self) -> list[str]:
         """The log messages of the level ERROR."""
-        return [sentence for level, sentence in self.told if level == "ERROR"]
+        return [sentence for level, sentence in self.logged if level == "ERROR"]
 
 
 @pytest.fixture

@@ -58,12 +58,12 @@ def read(data: bytes) -> None:
         try:
             robot = read_robot(path, Property({"a": 1, "enable_tags": "b"})).robot
         except RobotFileError as error:
-            told = [str(problem) for problem in error.problems]
+            problems = [str(problem) for problem in error.problems]
         else:
-            told = []
+            problems = []
             draw_text(robot)
             draw_svg(robot)
-        assert all(sentence.startswith(folder) for sentence in told)
+        assert all(sentence.startswith(folder) for sentence in problems)
 
 
 @pytest.mark.fuzz

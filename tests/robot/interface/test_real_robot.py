@@ -25,11 +25,11 @@ RECORDED = Path(__file__).parents[2] / "data" / "yarp_config" / "fakerobot.xml"
 
 def test_the_recorded_robot_runs(network: Network, started: Callable[[RobotInterface], Running]):
     """The robot registers the ports of the real program, answers on them, and unregisters them at its end."""
-    told: list[tuple[str, str]] = []
+    logged: list[tuple[str, str]] = []
     robot = read_robot(RECORDED).robot
-    running = started(RobotInterface(robot, network=network, log=lambda *words: told.append(words)))
-    eventually(lambda: running.interface.ready or running.outcome, f"it does not become ready: {told}")
-    assert running.outcome is None, told
+    running = started(RobotInterface(robot, network=network, log=lambda *words: logged.append(words)))
+    eventually(lambda: running.interface.ready or running.outcome, f"it does not become ready: {logged}")
+    assert running.outcome is None, logged
     for part, axes in (("head", 6), ("left_arm", 16)):
         with RpcClient(f"/asks/{part}", f"/icubSim/{part}/rpc:i", network=network) as client:
             answer = client.call(Bottle.parse("[get] [axes]"), timeout=10)

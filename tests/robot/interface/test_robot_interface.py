@@ -68,7 +68,7 @@ def test_a_run_keeps_its_order(bench: Bench):
     assert outcome.good
     assert bench.calls == ORDERLY
     assert bench.errors() == []
-    done = [re.sub(r" in [0-9.]+ m?s.*", "", sentence) for level, sentence in bench.told if level == "INFO"]
+    done = [re.sub(r" in [0-9.]+ m?s.*", "", sentence) for level, sentence in bench.logged if level == "INFO"]
     assert "opened cal (scriptedCalibrator)" in done
     assert "calibrate of cal (startup, level 10) done" in done
     assert "closed board (scripted)" in done
@@ -80,8 +80,8 @@ def test_an_action_that_does_not_work(bench: Bench, where: str, how: str):
     """The error names device, action and place; all other devices run all their actions."""
     outcome = bench.run(robot(**{where: how}))
     assert not outcome.good
-    (told, *_) = [one for one in bench.errors() if BROKEN[how] in one]
-    assert re.search(rf"robot\.xml:\d+:\d+: {where} of cal \(\w+, level \d+\) \[scriptedCalibrator\] ", told), told
+    (error, *_) = [one for one in bench.errors() if BROKEN[how] in one]
+    assert re.search(rf"robot\.xml:\d+:\d+: {where} of cal \(\w+, level \d+\) \[scriptedCalibrator\] ", error), error
     for call in ORDERLY:
         if not call.startswith("cal"):
             assert call in bench.calls

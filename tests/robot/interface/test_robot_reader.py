@@ -133,9 +133,9 @@ class TestRobot:
     )
     def test_attributes_that_make_no_sense(self, bench: Bench, attributes: str, complaint: str):
         """Each invalid attribute of ``<robot>`` is reported with its place."""
-        (told,) = problems(bench, "", attributes)
-        assert told.startswith("robot.xml:3:1: ")
-        assert complaint in told
+        (problem,) = problems(bench, "", attributes)
+        assert problem.startswith("robot.xml:3:1: ")
+        assert complaint in problem
 
 
 class TestParameters:
@@ -215,7 +215,7 @@ class TestParameters:
 
     def test_what_cannot_be_read(self, bench: Bench):
         """The error has all problems at once, each with its place and its hint."""
-        told = problems(
+        found = problems(
             bench,
             """<device name="d" type="t"><param name="a">1</param>
 <param name="a">2</param>
@@ -252,7 +252,7 @@ class TestParameters:
                 " <param>, <paramlist>, <params>"
             ),
         }
-        assert {one.replace(f"{bench.folder}/", "") for one in told} == expected
+        assert {one.replace(f"{bench.folder}/", "") for one in found} == expected
 
     def test_what_has_no_meaning_is_a_warning(self, bench: Bench):
         """Attributes and texts without a meaning are warnings."""
@@ -292,10 +292,10 @@ class TestActions:
     )
     def test_what_cannot_be_attached(self, bench: Bench, parameters: dict[str, str], complaint: str):
         """A wrong target of an attach is a problem of the file, with device, action and place."""
-        (told,) = problems(bench, device("d", inside=action("attach", **parameters)) + device("other"))
-        assert told.startswith("robot.xml:4:")
-        assert "attach of d (startup, level 1): " in told
-        assert complaint in told
+        (problem,) = problems(bench, device("d", inside=action("attach", **parameters)) + device("other"))
+        assert problem.startswith("robot.xml:4:")
+        assert "attach of d (startup, level 1): " in problem
+        assert complaint in problem
 
     @pytest.mark.parametrize("kind", ["calibrate", "park"])
     @pytest.mark.parametrize(
@@ -303,8 +303,8 @@ class TestActions:
     )
     def test_what_cannot_be_moved(self, bench: Bench, kind: str, parameters: dict[str, str], complaint: str):
         """A calibrate or park without an existing target is a problem of the file."""
-        (told,) = problems(bench, device("d", inside=action(kind, **parameters)))
-        assert complaint in told
+        (problem,) = problems(bench, device("d", inside=action(kind, **parameters)))
+        assert complaint in problem
 
     @pytest.mark.parametrize(
         ("text", "complaint"),
@@ -318,15 +318,15 @@ class TestActions:
     )
     def test_attributes_that_make_no_sense(self, bench: Bench, text: str, complaint: str):
         """Each invalid attribute of ``<action>`` is reported with its place."""
-        (told,) = problems(bench, f'<device name="d" type="t"><action {text}/></device>')
-        assert told.startswith("robot.xml:4:27: ")
-        assert complaint in told
+        (problem,) = problems(bench, f'<device name="d" type="t"><action {text}/></device>')
+        assert problem.startswith("robot.xml:4:27: ")
+        assert complaint in problem
 
     @pytest.mark.parametrize("timeout", ["0", "-1", "nan", "inf", "x", "1e9", ""])
     def test_times_that_make_no_sense(self, bench: Bench, timeout: str):
         """A timeout must be a finite number above 0, up to a day, so that a slip cannot stall the robot."""
-        (told,) = problems(bench, device("d", inside=action("detach", timeout=timeout)))
-        assert "the timeout is a number of seconds up to 86400" in told
+        (problem,) = problems(bench, device("d", inside=action("detach", timeout=timeout)))
+        assert "the timeout is a number of seconds up to 86400" in problem
 
 
 class TestIncludes:
@@ -411,9 +411,9 @@ class TestIncludes:
         secret.write_text(device("secret"))
         (bench.folder / "link.xml").symlink_to(secret)
         (bench.folder / "folder").symlink_to(bench.folder.parent)
-        (told,) = problems(bench, f'<xi:include href="{href}"/>')
-        assert told.startswith(f"robot.xml:4:1: {href!r} is outside of the folder of the configuration, ")
-        assert told.endswith("copy the file into it; only files in it are read")
+        (problem,) = problems(bench, f'<xi:include href="{href}"/>')
+        assert problem.startswith(f"robot.xml:4:1: {href!r} is outside of the folder of the configuration, ")
+        assert problem.endswith("copy the file into it; only files in it are read")
 
     def test_a_link_inside_is_read(self, bench: Bench):
         """A link to a file of the same folder is read."""
@@ -453,12 +453,12 @@ class TestIncludes:
         (bench.folder / "dir.xml").mkdir()
         (bench.folder / "bad.xml").write_text("<devices>\n<device")
         (bench.folder / "slip.xml").write_text('<device name="d"/>')
-        told = problems(
+        found = problems(
             bench,
             "".join(f"<xi:include {one}/>\n" for one in ('href="no.xml"', 'href="bad.xml"', 'href="dir.xml"', ""))
             + '<xi:include href="slip.xml"/><xi:include href="a&#0;b"/>'.replace("&#0;", "b" * 300),
         )
-        assert [one.split(": ")[0] for one in told] == [
+        assert [one.split(": ")[0] for one in found] == [
             "robot.xml:4:1",
             "bad.xml:2:1",
             "robot.xml:6:1",
@@ -533,22 +533,22 @@ class TestHostile:
 
     def test_dashes_in_comments_are_forgiven(self, bench: Bench):
         """Double dashes in comments, as in old files, are accepted, and places stay right."""
-        (told,) = problems(bench, "<!-- one -- two --- -->\n<!----><what/>")
-        assert told.startswith("robot.xml:5:8: <what>")
+        (problem,) = problems(bench, "<!-- one -- two --- -->\n<!----><what/>")
+        assert problem.startswith("robot.xml:5:8: <what>")
 
     def test_control_characters_in_names(self, bench: Bench):
         """A name with control characters is refused, and the message is printable."""
-        (told,) = problems(bench, '<device name="a&#x9b;31m" type="t"/>')
-        assert "is not a valid name" in told
-        assert told.isprintable()
+        (problem,) = problems(bench, '<device name="a&#x9b;31m" type="t"/>')
+        assert "is not a valid name" in problem
+        assert problem.isprintable()
 
     def test_a_pipe_is_no_file(self, bench: Bench):
         """An include of a pipe is refused, instead of waiting for data."""
         import os
 
         os.mkfifo(bench.folder / "pipe.xml")
-        (told,) = problems(bench, '<xi:include href="pipe.xml"/>')
-        assert "cannot be read" in told
+        (problem,) = problems(bench, '<xi:include href="pipe.xml"/>')
+        assert "cannot be read" in problem
 
     def test_a_file_that_is_missing(self, bench: Bench):
         """A missing main file is an error that names it."""

@@ -35,7 +35,7 @@ def test_the_jacobian_is_how_the_error_shrinks(head: Chain, point, posture):
 @settings(max_examples=25)
 @given(POINTS)
 def test_a_direction_within_reach_is_met(head: Chain, point):
-    """The axis goes through the point, near the rest posture; one out of reach is told by its angle."""
+    """The axis goes through the point, near the rest posture; one out of reach is reported by its angle."""
     solution = InverseKinematics(head).solve(LookAt(point), np.zeros(6), active=[False] * 3 + [True] * 3)
     way = np.array(point) - solution.pose[:3, 3]
     angle = np.degrees(np.arccos(min(1.0, way @ solution.pose[:3, 2] / np.linalg.norm(way))))
@@ -47,7 +47,7 @@ def test_a_direction_within_reach_is_met(head: Chain, point):
 
 
 def test_a_point_behind_is_out_of_reach(head: Chain):
-    """The nearest direction is at a limit, and the angle that is left is told."""
+    """The nearest direction is at a limit, and the angle that is left is reported."""
     solution = InverseKinematics(head).solve(LookAt((1.0, 0.1, 0.3)), np.zeros(6), active=[False] * 3 + [True] * 3)
     assert not solution.reached
     assert solution.problem.startswith("the nearest pose is ")

@@ -1,4 +1,4 @@
-"""Inverse kinematics: what is within reach is met, limits and constraints hold, and the rest is told."""
+"""Inverse kinematics: what is within reach is met, limits and constraints hold, and the rest is reported."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def check(chain: Chain, solution: Solution) -> None:
 
 @settings(max_examples=25)
 @given(st.data())
-def test_a_solution_tells_the_truth(arm: Chain, arm_inverse: InverseKinematics, data):
+def test_a_solution_is_what_it_says(arm: Chain, arm_inverse: InverseKinematics, data):
     """For the pose of any posture, whether it is met or not: steps from its own posture meet it."""
     posture = data.draw(postures(arm))
     pose = arm.pose(posture)
@@ -241,7 +241,7 @@ def test_bad_input(arm_inverse: InverseKinematics, changes, message: str):
 
 
 def test_limits_without_a_posture(arm: Chain):
-    """Constraints that no posture keeps are told."""
+    """Constraints that no posture keeps are reported."""
     never = LinearConstraint("never", {"torso_pitch": 1.0}, 100.0, 200.0)
     program = InverseKinematics(Chain("arm", arm.links, arm.base, constraints=(never,)))
     with pytest.raises(RefusedError, match="arm: no posture is within its limits and its constraints"):

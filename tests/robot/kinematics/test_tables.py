@@ -67,7 +67,7 @@ def test_versions(tmp_path: Path):
         ('"1.10"', '"last"', 'chains.toml:9: chains.arm: a version is two numbers, such as "2.5"'),
     ],
 )
-def test_what_is_wrong_is_told_with_its_line(tmp_path: Path, old: str, new: str, message: str):
+def test_what_is_wrong_is_reported_with_its_line(tmp_path: Path, old: str, new: str, message: str):
     """Errors name the file, the line and the thing."""
     with pytest.raises(RobotModelError, match=message):
         read(tmp_path, old, new)

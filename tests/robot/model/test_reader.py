@@ -172,7 +172,7 @@ def test_errors_have_their_place(folder: Path, text: str, line: int, said: str):
     ],
 )  # fmt: skip
 def test_what_the_description_does_not_have_has_its_place(folder: Path, text: str, line: int, said: str):
-    """Links, joints, cameras and files that only building the robot shows as missing are told with their line."""
+    """Links, joints, cameras and files that only building the robot shows as missing are reported with their line."""
     from rtf.simulator.plant import build
 
     robot = read(folder, text.replace("two.xml", "bench.xml"))

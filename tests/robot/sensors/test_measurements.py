@@ -97,6 +97,6 @@ def test_twelve_numbers_of_a_source(network: Network, more: list[list[SensorRead
     ):
         connect(network, "/inertial", "/reader")
         server.publish(3.0)
-        told = reader.read(10)
-    assert told.tolist() == [7.0, 7.1, 7.2, 2.0, 2.1, 2.2, 1.0, 1.1, 1.2, 0.0, 0.0, 0.0]
+        values = reader.read(10)
+    assert values.tolist() == [7.0, 7.1, 7.2, 2.0, 2.1, 2.2, 1.0, 1.1, 1.2, 0.0, 0.0, 0.0]
     assert sensors.asked == asked

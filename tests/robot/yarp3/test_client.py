@@ -30,7 +30,7 @@ GAINS = "1.0 2.0 3.0 4.0 5.0 6.0 7.0 8.0 9.0 10.0"
 POSITION, TORQUE = PidType.POSITION, PidType.TORQUE
 
 
-TOLD: list[tuple[str, Callable[[RemoteControlBoard], object]]] = [
+COMMANDS: list[tuple[str, Callable[[RemoteControlBoard], object]]] = [
     ("[set] [pos] 1 2.5", lambda board: board.position_move(2.5, 1)),
     ("[set] [poss] (1.0 2.0 3.0)", lambda board: board.position_move([1, 2, 3])),
     ("[set] [posg] 2 (2 0) (1.0 2.0)", lambda board: board.position_move([1, 2], [2, 0])),
@@ -130,7 +130,7 @@ STREAMED: list[tuple[str, list[float], Callable[[RemoteControlBoard], object]]] 
 ]
 
 
-@pytest.mark.parametrize(("words", "call"), TOLD, ids=[words for words, _ in TOLD])
+@pytest.mark.parametrize(("words", "call"), COMMANDS, ids=[words for words, _ in COMMANDS])
 def test_commands_are_put_in_the_words_of_the_protocol(network: Network, words: str, call: Callable[..., object]):
     """One joint, a group and all joints have different words."""
     with ScriptedBoard("/board", network) as board, client_of(board, network) as client:
@@ -216,7 +216,7 @@ ANSWERS = st.one_of(
 
 def test_whatever_a_board_answers_is_an_answer_or_an_error_of_robots(network: Network):
     """Any answer gives a value or a RobotError, and the next request is possible."""
-    calls = [*(call for _, call in TOLD), *(call for _, _, call, _ in ASKED)]
+    calls = [*(call for _, call in COMMANDS), *(call for _, _, call, _ in ASKED)]
     complaints: list[str] = []
     with ScriptedBoard("/board", network) as board, client_of(board, network) as client:
 

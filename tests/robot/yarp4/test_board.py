@@ -193,11 +193,11 @@ def test_all_interfaces_are_listed(network: Network):
     answer = decode_from(bytes_of(service.answer(Bottle(["getDeviceInterfacesRPC"]))), 0, Dialect.YARP4)[0]
     assert answer[0] == Bottle([Vocab("ok")])
     assert isinstance(answer[1], Bottle)
-    told = {entry[0]: entry[1] for entry in answer[1]}
-    assert len(told) == 23
-    assert [*told] == sorted(told)
-    assert told["iEncodersTimed"] == Vocab("ok")
-    assert told["iJointBrake"] == Vocab("fail")
+    answers = {entry[0]: entry[1] for entry in answer[1]}
+    assert len(answers) == 23
+    assert [*answers] == sorted(answers)
+    assert answers["iEncodersTimed"] == Vocab("ok")
+    assert answers["iJointBrake"] == Vocab("fail")
 
 
 def test_pids_travel_in_an_order_of_their_own(network: Network):

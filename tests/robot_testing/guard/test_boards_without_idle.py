@@ -60,7 +60,7 @@ def test_a_joint_that_presses_is_held_where_it_is(boards: tuple[FakeBoard, Remot
 
 
 def test_an_excluded_joint_is_held_and_the_part_is_restored(boards: tuple[FakeBoard, RemoteBoard]):
-    """It is told, and no other test is kept from moving the part."""
+    """It is reported, and no other test is kept from moving the part."""
     board, client = boards
     said: list[str] = []
     guard = MotionGuard(client, "/robot/arm", clock=clock.current(), report=said.append)

@@ -739,11 +739,11 @@ def test_an_excluded_joint_that_is_not_idle_is_reported_once(bench: Bench):
     """The command is repeated, and the other joints can still be tested."""
     guard = bench.guard()
     guard.exclude(1, "it runs away")
-    for told in (True, False):
+    for reported in (True, False):
         bench.time.sleep(0.5)
         bench.device.set_control_modes(ControlMode.POSITION, 1)
         bench.publish()
-        with pytest.raises(GuardError) if told else nullcontext():
+        with pytest.raises(GuardError) if reported else nullcontext():
             guard.watch()
         assert bench.device.control_modes(1) == (ControlMode.IDLE,)
 

@@ -117,7 +117,7 @@ def test_a_test_that_is_killed_or_stopped_leaves_the_robot_stopped(
     assert "joint0, joint1, joint2 stopped" in robot.said[0]
 
 
-def test_a_test_that_watches_again_is_told(robot: Robot):
+def test_a_test_that_watches_again_is_notified(robot: Robot):
     """Once: its joints did not fail, they were stopped. Before it begins to watch, nothing is expected of it."""
     beating = Heartbeat("fake")
     assert [heard.silence() for heard in heartbeats(robot.folder, "fake")] == [0.0]

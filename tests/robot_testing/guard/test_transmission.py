@@ -16,8 +16,8 @@ NUMBERS = st.floats(-10, 10)
 
 def test_coupling_blocks_are_placed_by_the_numbers_of_their_joints():
     """Joints after the last block are not coupled."""
-    told = Bottle([Bottle([2.0]), Bottle([1.0, 3.0, -1.0, 1.0])])
-    matrix, members = block_diagonal(told, 4)
+    reported = Bottle([Bottle([2.0]), Bottle([1.0, 3.0, -1.0, 1.0])])
+    matrix, members = block_diagonal(reported, 4)
     expected = [[2, 0, 0, 0], [0, 1, 3, 0], [0, -1, 1, 0], [0, 0, 0, 1]]
     assert np.array_equal(matrix, expected)
     assert members == ((0,), (1, 2), (1, 2), (3,))
@@ -36,11 +36,11 @@ def test_all_blocks_are_kept(sizes, more, data):
     assert len(members) == len(matrix) == sum(sizes) + more
 
 
-@pytest.mark.parametrize("told", [Bottle([Bottle([1.0, 2.0])]), TORSO, Bottle([Bottle([])]), Bottle([3])])
-def test_an_invalid_coupling_matrix_is_refused(told):
+@pytest.mark.parametrize("reported", [Bottle([Bottle([1.0, 2.0])]), TORSO, Bottle([Bottle([])]), Bottle([3])])
+def test_an_invalid_coupling_matrix_is_refused(reported):
     """Not square, too large for the part, empty, or no list."""
     with pytest.raises(RefusedError, match="block 0 of kinematic_mj"):
-        block_diagonal(told, 2)
+        block_diagonal(reported, 2)
 
 
 def test_the_disagreement_of_the_encoders_is_in_joint_degrees():

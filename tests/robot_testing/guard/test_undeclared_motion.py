@@ -53,7 +53,7 @@ class Bench:
     def __init__(self, stack: ExitStack) -> None:
         self.network = Network(LocalNames())
         self.time = stack.enter_context(clock.use(ManualClock()))
-        self.told: list[str] = []
+        self.reported: list[str] = []
         self.device = FakeBoard("fake", network=self.network)
         self.device.open(Property.parse("(GENERAL (Joints 3))"))
         stack.callback(self.device.close)
@@ -100,7 +100,7 @@ def test_a_part_without_a_guard_does_not_move(bench: Bench):
 
 def test_a_part_with_a_guard_moves(bench: Bench):
     """A test may create the guard itself; then the board accepts commands."""
-    guard = MotionGuard(bench.board, "/fake", clock=bench.time, report=bench.told.append)
+    guard = MotionGuard(bench.board, "/fake", clock=bench.time, report=bench.reported.append)
     part = Part("fake", bench.board, bench.time, guard)
     part.board.set_reference_speeds(7.0, 1)
     part.board.position_move([5.0], [1])

@@ -147,6 +147,6 @@ def test_a_joint_that_creeps_rests_and_one_that_goes_on_does_not():
 
 
 def test_a_joint_that_trembles_rests():
-    """By half a count of speed to either side, which a board tells as a whole one."""
+    """By half a count of speed to either side, which a board reports as a whole one."""
     times, speeds = _broadcasts(lambda time: 384.0 if time < 1.0 else 64.0 * (round(time / 0.004) % 3 - 1))
     assert rest_after(times, speeds, 0.1) == pytest.approx(1.04, abs=0.01)

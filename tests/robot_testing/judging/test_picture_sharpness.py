@@ -34,7 +34,7 @@ def test_exposure_and_some_noise_do_not_matter(width: float, contrast: float, no
     assert math.isnan(found) or found == pytest.approx(picture_sharpness(scene(width)), rel=0.15)
 
 
-def test_what_cannot_be_told():
+def test_pictures_without_a_sharpness():
     """A picture of one colour has no sharpness; of a noisy one it is not known."""
     assert picture_sharpness(np.full((20, 30, 3), 7, np.uint8)) == 0.0
     assert picture_sharpness(np.zeros((20, 30), np.uint8)) == 0.0

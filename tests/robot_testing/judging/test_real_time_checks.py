@@ -40,28 +40,28 @@ def test_states_are_late_compared_with_their_usual_age():
     assert "a state came 30 ms later than usual" in state_delay([*ages, 86400.036], 0.01)
 
 
-TOLD = [(0.01 * tick, 5.0 + tick) for tick in range(20)]
+COMMANDS = [(0.01 * tick, 5.0 + tick) for tick in range(20)]
 STAMPS = np.arange(0.0, 0.2, 0.005)
 
 
 def driven(delays):
     """Return the outputs of a board at each stamp, with this delay of the commands."""
-    heard = np.array([time for time, _ in TOLD]) + delays
+    heard = np.array([time for time, _ in COMMANDS]) + delays
     return [5.0 + np.flatnonzero(heard <= stamp + 1e-9)[-1] for stamp in STAMPS]
 
 
 def test_commands_that_arrive_in_time_are_not_late():
     """With small delays, as on any network; the output of another controller shows nothing."""
-    assert command_delay(TOLD, STAMPS, driven(np.r_[0.0, np.full(19, 0.003)]), 0.01) == ""
-    assert command_delay(TOLD, STAMPS, np.full(STAMPS.size, 77.0), 0.01) == ""
-    assert command_delay(TOLD[:1], STAMPS, np.full(STAMPS.size, 5.0), 0.01) == ""
+    assert command_delay(COMMANDS, STAMPS, driven(np.r_[0.0, np.full(19, 0.003)]), 0.01) == ""
+    assert command_delay(COMMANDS, STAMPS, np.full(STAMPS.size, 77.0), 0.01) == ""
+    assert command_delay(COMMANDS[:1], STAMPS, np.full(STAMPS.size, 5.0), 0.01) == ""
 
 
 def test_a_board_with_an_old_command_got_the_next_one_late():
     """The message has the time for which the old command was executed."""
     delays = np.zeros(20)
     delays[8:12] = [0.04, 0.03, 0.02, 0.01]
-    assert "a command took 35 ms to its board" in command_delay(TOLD, STAMPS, driven(delays), 0.01)
+    assert "a command took 35 ms to its board" in command_delay(COMMANDS, STAMPS, driven(delays), 0.01)
 
 
 def test_a_machine_with_waiting_processes_is_busy():

@@ -23,15 +23,15 @@ def share(time: np.ndarray) -> np.ndarray:
 
 
 def motion(delay: float = 0.0, *, bow: float = 0.0, way: float = 0.3) -> TipMotion:
-    """A motion along x with a bow along z, told with a delay; its joint goes from 10 to 50 deg."""
+    """A motion along x with a bow along z, reported with a delay; its joint goes from 10 to 50 deg."""
     seen = np.column_stack([way * share(TIME), 0 * TIME, bow * np.sin(np.pi * share(TIME))])
     late = share(TIME - delay)
-    told = np.column_stack([way * late, 0 * TIME, bow * np.sin(np.pi * late)])
-    return TipMotion(TIME, told, seen, 10.0 + 40.0 * share(TIME)[:, np.newaxis])
+    reported = np.column_stack([way * late, 0 * TIME, bow * np.sin(np.pi * late)])
+    return TipMotion(TIME, reported, seen, 10.0 + 40.0 * share(TIME)[:, np.newaxis])
 
 
 @given(st.floats(0.0, 0.1))
-def test_the_delay_is_that_of_what_is_told(delay: float):
+def test_the_delay_is_that_of_the_reported_positions(delay: float):
     """Of any small delay, to a tenth."""
     assert motion(delay).lag == pytest.approx(delay, rel=0.1, abs=1e-6)
 
@@ -75,7 +75,7 @@ def test_the_picture_has_three_planes():
     """With lines in the colours of the paths, and a cross at the target."""
     # Both have a length in all planes, and none is over the other.
     one = motion(bow=0.05).seen + np.outer(share(TIME), [0.0, 0.05, 0.0])
-    other = motion().told - np.outer(share(TIME), [0.0, 0.05, 0.03])
+    other = motion().reported - np.outer(share(TIME), [0.0, 0.05, 0.03])
     data = path_picture({"one": one, "other": other}, np.array([0.3, 0.0, 0.0]))
     picture = np.asarray(Image.open(BytesIO(data)))
     assert picture.shape == (300, 900, 3)

@@ -67,6 +67,6 @@ def test_what_is_not_known_is_no_evidence(broken):
     assert not evidence([0.0, 10.0, 0.0], measured, np.full(3, np.inf))
 
 
-def test_two_weak_motors_are_not_told_as_one():
+def test_two_weak_motors_are_not_reported_as_one():
     """Neither explains the other's share."""
     assert not evidence([0.0, 10.0, 10.0], np.array([0.0, 2.0, 2.0]) @ SHOULDER)

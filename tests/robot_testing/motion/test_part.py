@@ -100,21 +100,21 @@ def test_a_required_move_names_the_joints_beyond_its_tolerance(bench: PartBench)
 
 def test_a_joint_within_the_tolerance_moves_slowly(bench: PartBench, monkeypatch: pytest.MonkeyPatch):
     """The next command interrupts the move. Later commands of the test have the speed of the move."""
-    told: list[tuple[str, list[float]]] = []
+    commands: list[tuple[str, list[float]]] = []
     for name in ("set_reference_speeds", "position_move"):
-        monkeypatch.setattr(bench.part.board, name, lambda values, _, name=name: told.append((name, list(values))))
+        monkeypatch.setattr(bench.part.board, name, lambda values, _, name=name: commands.append((name, list(values))))
     arrival = bench.part.move([0.1, 0.4, 30.0], speed=20.0, tolerance=0.5, timeout=0.1)
     assert not arrival.reached
-    speeds, targets, after = told
+    speeds, targets, after = commands
     assert speeds == ("set_reference_speeds", pytest.approx([1.0, 2.0, 20.0]))
     assert targets == ("position_move", [0.1, 0.4, 30.0])
     assert after == ("set_reference_speeds", [20.0, 20.0, 20.0])
-    told.clear()
+    commands.clear()
     bench.part.move([0.1, 0.1, 0.1], speed=[0.4, 20.0, 1.0], timeout=0.1)
-    assert told[0][1] == [0.4, 1.0, 1.0]
-    told.clear()
+    assert commands[0][1] == [0.4, 1.0, 1.0]
+    commands.clear()
     bench.part.move([10.0, 20.0], [1, 2], speed=5.0, timeout=0.1)
-    assert [name for name, _ in told] == ["set_reference_speeds", "position_move"]
+    assert [name for name, _ in commands] == ["set_reference_speeds", "position_move"]
 
 
 def test_a_joint_without_a_position_has_not_arrived(bench: PartBench):

@@ -54,7 +54,7 @@ def test_stamps_of_a_simulators_clock_are_not_converted():
         assert Trace().offset == 0.0
 
 
-def test_stamps_that_repeat_or_go_back_are_told():
+def test_stamps_that_repeat_or_go_back_are_reported():
     """Their times are not known; the states are kept."""
     trace = Trace()
     for stamp in (1.0, 1.01, 1.01, 1.03):

@@ -36,8 +36,8 @@ def test_the_claims_hold(tmp_path: Path):
         assert done.returncode == 0, done.stdout[-5000:] + done.stderr
         assert done.stdout.splitlines()[-1] == f"PROOF PASSED  all {len(cases)} claims hold"
     folder = tmp_path / "rtf-runs" / "proof"
-    told = [event.kind for event in journal.read(folder / "run") if isinstance(event, SuiteStarted | SuiteEnded)]
-    assert told[:2] == ["suite_started", "suite_started"]
+    kinds = [event.kind for event in journal.read(folder / "run") if isinstance(event, SuiteStarted | SuiteEnded)]
+    assert kinds[:2] == ["suite_started", "suite_started"]
     matrix = (folder / "proof.md").read_text()
     assert [case.name for case in cases if case.fault and f"| {case.fault} |" not in matrix] == []
     assert "| ft_bias | sensor | FtSensorTest |" in matrix

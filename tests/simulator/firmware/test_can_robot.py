@@ -117,12 +117,12 @@ def test_a_command_and_the_cycle_do_not_wait_for_each_other(monkeypatch: pytest.
                     return
             publish(cycles, now)
 
-        def configure_and_tell(driver: CanMotionControl, axis: int) -> None:
+        def configure_and_signal(driver: CanMotionControl, axis: int) -> None:
             writing.set()
             configure(driver, axis)
 
         monkeypatch.setattr(_Cycles, "publish", publish_late)
-        monkeypatch.setattr(CanMotionControl, "configure", configure_and_tell)
+        monkeypatch.setattr(CanMotionControl, "configure", configure_and_signal)
         assert due.wait(20)
         arm.set_control_modes(ControlMode.IDLE, 0)
         assert writing.is_set()

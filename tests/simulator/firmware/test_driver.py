@@ -88,7 +88,7 @@ def soon(condition: Callable[[], object]) -> None:
     eventually(holds, "it has not come about", 20.0)
 
 
-def test_a_joint_goes_where_it_is_told(arm: Arm):
+def test_a_joint_goes_to_its_target(arm: Arm):
     """A position move arrives: gains, limits and units of both sides are the same."""
     device, _ = arm
     device.set_reference_speeds([40.0, 40.0])

@@ -1,4 +1,4 @@
-"""A bus that a board floods: control goes on, or it stops safely and is told."""
+"""A bus that a board floods: control goes on, or it stops safely and the user is warned."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_control_goes_on_below_the_arbitration():
         assert arm.encoders() == pytest.approx(target, abs=0.5)
 
 
-def test_joints_stop_and_the_user_is_told_above_the_arbitration():
+def test_joints_stop_and_the_user_is_warned_above_the_arbitration():
     """Frames of the highest priority leave nothing to others: boards stop by their time-outs, and obey afterwards."""
     said: list[str] = []
     with robot(said) as (made, arm):

@@ -102,7 +102,7 @@ def bench() -> DriveBench:
 
 
 def test_a_board_is_configured_after_the_protocol_is_agreed():
-    """Settings are refused before; an older host is told of, and cannot configure."""
+    """Settings are refused before; an older host is reported, and cannot configure."""
     bench = DriveBench()
     assert bench.ask(m.FOC_CONTROL_MODE) == (BoardMode.NOT_CONFIGURED,)
     bench.send(m.MOTOR_CONFIGURATION.set, 1, 14400, 0, 7, 0)

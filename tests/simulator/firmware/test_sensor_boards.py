@@ -120,7 +120,7 @@ def test_the_rate_is_that_of_the_host(bench: SensorBench, period: int, count: in
     assert len(bench.sent(s.FORCE)) == pytest.approx(count, abs=1)
 
 
-def test_saturated_gauges_are_told(bench: SensorBench):
+def test_saturated_gauges_are_reported(bench: SensorBench):
     """A byte more: the gauges at their upper (2) and lower end (1); the numbers end at the range, and do not wrap."""
     bench.strain(np.eye(6))
     bench.values = np.array([2000.0, 0.0, -2000.0, 0.0, 100.0, 0.0])
@@ -132,7 +132,7 @@ def test_saturated_gauges_are_told(bench: SensorBench):
 
 
 def test_questions_to_a_strain_board(bench: SensorBench):
-    """Versions and full scales are told once; a channel that is none, and commands that are none, are dropped."""
+    """Versions and full scales are sent once; a channel that is none, and commands that are none, are dropped."""
     board = bench.strain()
     for channel in (0, 5, 6):
         bench.connection.send(s.FULL_SCALE.get.frame(ADDRESS, channel))

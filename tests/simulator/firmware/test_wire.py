@@ -111,17 +111,17 @@ def test_two_nodes_with_one_identifier_spoil_each_other_and_go_off_the_bus():
 
 
 def test_a_disturbed_frame_is_sent_again():
-    """An error costs time, is counted, and told to hosts; a good frame takes one off the count."""
+    """An error costs time, is counted, and reported to hosts; a good frame takes one off the count."""
     wire = Wire("arm")
     board, host = Listener(wire, 1), Listener(wire)
-    told: list[bool] = []
+    disturbed: list[bool] = []
     errors: Iterator[bool] = iter([True, True, False])
     wire.disturbances.append(lambda _frame, _time: next(errors))
-    host.connection.disturbed = lambda: told.append(True)
+    host.connection.disturbed = lambda: disturbed.append(True)
     board.connection.send(Frame(0x111, b"\x01"))
     run(wire, 0.002)
     assert host.frames == [Frame(0x111, b"\x01")]
-    assert len(told) == 2
+    assert len(disturbed) == 2
     assert board.connection.sender_errors == 2 * 8 - 1
     assert wire.bits > frame_bits(Frame(0x111, b"\x01"))
 

@@ -234,8 +234,8 @@ def test_phases_begin_once_and_in_order(phases: list[tuple[Phase, int]], repetit
     lines = b"".join(phase(name, count) for name, count in phases)
     _, events, _ = attempt(lines + FINISHED, End(0), repetition=repetition)
     assert sum(isinstance(event, PhaseStarted) for event in events) == accepted
-    told = [event for event in events if isinstance(event, Message) and event.title == "protocol"]
-    assert len(told) == len(phases) - accepted
+    reported = [event for event in events if isinstance(event, Message) and event.title == "protocol"]
+    assert len(reported) == len(phases) - accepted
 
 
 def test_phases_are_reported_with_their_limits():
@@ -418,8 +418,8 @@ def test_output_is_the_tests():
 def test_quotes_of_garbage_are_short():
     """The report about an invalid message quotes only its beginning."""
     _, events, _ = attempt((1_000_000).to_bytes(4, "little") + b"x" * 1_000_000 + FINISHED, End(0))
-    (told,) = [event for event in events if isinstance(event, Message)]
-    assert len(told.detail) < 1000
+    (message,) = [event for event in events if isinstance(event, Message)]
+    assert len(message.detail) < 1000
 
 
 # Cases ---------------------------------------------------------------------------------------------------------------

@@ -136,9 +136,9 @@ class Next(TestCase):
     xml = '<test name="one" isolation="suite">Leaver</test><test name="two" isolation="suite">Next</test>'
     outcome = run_suite(tmp_path, xml, it__py=code)
     assert [outcome.verdict(name) for name in ("one", "two")] == [Verdict.PASSED] * 2
-    (told,) = outcome.of(Message, title="late")
-    assert (told.test, told.severity) == ("s/one", Severity.WARNING)  # type: ignore[attr-defined]
-    assert "too late" in told.detail  # type: ignore[attr-defined]
+    (warning,) = outcome.of(Message, title="late")
+    assert (warning.test, warning.severity) == ("s/one", Severity.WARNING)  # type: ignore[attr-defined]
+    assert "too late" in warning.detail  # type: ignore[attr-defined]
 
 
 def is_subreaper() -> bool:

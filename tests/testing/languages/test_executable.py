@@ -44,7 +44,7 @@ class Ran:
         """Return the events of one kind."""
         return [event for event in self.events if isinstance(event, kind)]
 
-    def told(self, *severities: str) -> list[tuple[str, str]]:
+    def reported(self, *severities: str) -> list[tuple[str, str]]:
         """Return title and detail of the messages with these severities."""
         return [(m.title, m.detail) for m in self.messages if m.severity in severities]
 
@@ -189,7 +189,7 @@ def test_death_by_a_signal_is_an_error_with_its_name(run: Callable[..., Ran], mo
     """Death by a signal is an error, whatever the program reported."""
     ran = run(f"{'echo 1..2; echo ok 1;' if mode == 'tap' else ''} kill -{name} $$", mode)
     assert ("error", f"program: killed by SIG{name}") == (ran.outcome, ran.detail)
-    assert [("the program crashed", f"program: killed by SIG{name}")] == ran.told("failure", "error")
+    assert [("the program crashed", f"program: killed by SIG{name}")] == ran.reported("failure", "error")
 
 
 def test_each_repetition_runs_the_program_anew(run: Callable[..., Ran], tmp_path: Path):
@@ -224,7 +224,7 @@ def test_a_tap_stream_becomes_cases(run: Callable[..., Ran]):
         elbow.file,
         elbow.line,
     ) == ("left arm/elbow\nmessage: stuck\nfile: 'arm.c'\nline: 42", "arm.c", 42)
-    assert ("reports", "the arm is cold") in ran.told("info")
+    assert ("reports", "the arm is cold") in ran.reported("info")
     assert ran.outcome == "passed"
 
 
@@ -406,7 +406,7 @@ def test_a_program_that_cannot_be_started_is_an_error_with_its_hint(
     """A program that cannot be started is an error with the reason and a hint."""
     if mode == 0o755 or os.geteuid() != 0 or not os.access(write(text, mode=mode), os.X_OK):
         ran = run(write(text, mode=mode))
-        ((title, detail),) = ran.told("error")
+        ((title, detail),) = ran.reported("error")
         assert title == "the program cannot be started"
         assert part in detail
         assert "program" in detail
@@ -415,7 +415,7 @@ def test_a_program_that_cannot_be_started_is_an_error_with_its_hint(
 def test_a_program_that_is_gone_is_an_error(run: Callable[..., Ran], tmp_path: Path):
     """A program that was removed after the suite was read is an error."""
     ran = run(tmp_path / "gone")
-    assert ("the program cannot be started", f"{tmp_path}/gone: No such file or directory") in ran.told("error")
+    assert ("the program cannot be started", f"{tmp_path}/gone: No such file or directory") in ran.reported("error")
 
 
 def test_an_unknown_way_of_reading_is_refused():

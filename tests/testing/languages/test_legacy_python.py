@@ -33,7 +33,7 @@ class Ran:
         """Return the events of one kind."""
         return [event for event in self.events if isinstance(event, kind)]
 
-    def told(self, *severities: str) -> list[tuple[str, str]]:
+    def reported(self, *severities: str) -> list[tuple[str, str]]:
         """Return title and detail of the messages with these severities."""
         return [(m.title, m.detail) for m in self.messages if m.severity in severities]
 
@@ -70,13 +70,13 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 def test_a_script_of_the_cpp_framework_runs_unchanged(run: Callable[..., Ran]):
     """Every function works, with the C++ framework's titles, and lines of the script."""
     ran = run(DATA / "classic.py", "--joints 3", environment="--robotname icubSim")
-    assert ran.told("failure") == [
+    assert ran.reported("failure") == [
         ("checks", "wrong sums"),
         ("checking (False)", "told"),
         ("checking (a > b)", "always told"),
     ]
-    assert ran.told("pass") == [("checks", "sums")]
-    assert [detail for _, detail in ran.told("info")] == [
+    assert ran.reported("pass") == [("checks", "sums")]
+    assert [detail for _, detail in ran.reported("info")] == [
         "param is --joints 3",
         "environment is --robotname icubSim",
         "torn down",
@@ -98,7 +98,7 @@ class TestCase:
         testCheck(True, "imported")
         robottestingframework.testCheck(True, "too")
 """)
-    assert ran.told("pass") == [("checks", "imported"), ("checks", "too")]
+    assert ran.reported("pass") == [("checks", "imported"), ("checks", "too")]
     assert ran.outcome == "passed"
 
 
@@ -134,13 +134,13 @@ class TestCase:
 """,
         '--a "b c" d',
     )
-    assert [("reports", expected)] == ran.told("info")
+    assert [("reports", expected)] == ran.reported("info")
 
 
 def test_a_setup_of_the_wrong_shape_is_an_error_with_its_reason(run: Callable[..., Ran]):
     """Wrong arguments of setup() are an error with Python's message."""
     ran = run("class TestCase:\n  def setup(self, name, a): pass\n  def run(self): pass", "1 2 3")
-    assert "takes 3 positional arguments but 5 were given" in ran.told("error")[0][1]
+    assert "takes 3 positional arguments but 5 were given" in ran.reported("error")[0][1]
 
 
 @pytest.mark.parametrize(
@@ -155,7 +155,7 @@ class TestCase:
     def tearDown(self): robottestingframework.testReport("down")
 """)
     assert outcome == ran.outcome
-    assert (["run", "down"] if outcome == "passed" else ["down"]) == [detail for _, detail in ran.told("info")]
+    assert (["run", "down"] if outcome == "passed" else ["down"]) == [detail for _, detail in ran.reported("info")]
 
 
 @pytest.mark.parametrize(
@@ -184,7 +184,7 @@ class TestCase:
     if problem.traceback:
         assert statement in problem.traceback
         assert "legacy_python" not in problem.traceback
-    assert ran.told("info") == [("reports", "down")]
+    assert ran.reported("info") == [("reports", "down")]
 
 
 @pytest.mark.parametrize(
@@ -205,7 +205,7 @@ def test_what_is_wrong_with_a_script_is_said_when_it_is_loaded(run: Callable[...
     legacy_python.install()
     ran = run(script)
     assert ran.outcome == "error"
-    assert part in ran.told("error")[0][1]
+    assert part in ran.reported("error")[0][1]
 
 
 def test_two_scripts_in_one_process_do_not_mix(run: Callable[..., Ran]):
@@ -213,7 +213,7 @@ def test_two_scripts_in_one_process_do_not_mix(run: Callable[..., Ran]):
     first = run(DATA / "classic.py")
     second = run("class TestCase:\n  def run(self): robottestingframework.testCheck(True, 'second')")
     assert first.outcome == "failed"
-    assert second.told("pass") == [("checks", "second")]
+    assert second.reported("pass") == [("checks", "second")]
     assert second.outcome == "passed"
 
 
@@ -226,7 +226,7 @@ def test_added_parameters_stand_behind_the_string(run: Callable[..., Ran]):
         overrides=(("c", "5"), ("flag", "")),
         place="s.xml:3",
     )
-    assert ran.told("info") == [("reports", '--a 1 --b "2 3" --c 5 --flag')]
+    assert ran.reported("info") == [("reports", '--a 1 --b "2 3" --c 5 --flag')]
     (event,) = ran.of(ParametersResolved)
     assert [(row["name"], row["value"], row["source"]) for row in event.parameters] == [
         ("param", "--a 1", "param of s.xml:3"),
@@ -250,4 +250,4 @@ class TestCase:
         how={"repetition": 2},
     )
     assert [str(part.verdict) for part in ran.of(SubResultEnded)] == ["passed", "failed", "passed"]
-    assert ran.told("info").count(("reports", "setup")) == 1
+    assert ran.reported("info").count(("reports", "setup")) == 1

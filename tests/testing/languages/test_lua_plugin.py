@@ -38,7 +38,7 @@ class Ran:
         """Return the events of one kind."""
         return [event for event in self.events if isinstance(event, kind)]
 
-    def told(self, *severities: str) -> list[tuple[str, str]]:
+    def reported(self, *severities: str) -> list[tuple[str, str]]:
         """Return title and detail of the messages with these severities."""
         return [(m.title, m.detail) for m in self.messages if m.severity in severities]
 
@@ -80,13 +80,13 @@ def body(statements: str) -> str:
 def test_a_script_of_the_cpp_framework_runs_unchanged(run: Callable[..., Ran]):
     """Every function works, with the C++ framework's titles, and lines of the script."""
     ran = run(DATA / "classic.lua", "--joints 3 'x'", environment="--robotname icubSim")
-    assert ran.told("failure") == [
+    assert ran.reported("failure") == [
         ("checks", "wrong sums"),
         ("checking (false)", "told"),
         ("checking (a > b)", "always told"),
     ]
-    assert ran.told("pass") == [("checks", "sums")]
-    assert [detail for _, detail in ran.told("info")] == [
+    assert ran.reported("pass") == [("checks", "sums")]
+    assert [detail for _, detail in ran.reported("info")] == [
         "param is --joints 3 'x'",
         "environment is --robotname icubSim",
         "torn down",
@@ -105,8 +105,8 @@ def test_lua_truth_decides_over_setup(run: Callable[..., Ran], result: str, good
     """The result of setup counts by Lua's truth: nil and false fail; tearDown runs anyway."""
     ran = run(f"function TestCase.setup() return {result} end\n{body('')}")
     assert ("passed" if good else "error") == ran.outcome
-    assert ran.told("info") == [("reports", "down")]
-    assert ([] if good else [("setup() failed!", "TestCase.setup() did not return true")]) == ran.told("error")
+    assert ran.reported("info") == [("reports", "down")]
+    assert ([] if good else [("setup() failed!", "TestCase.setup() did not return true")]) == ran.reported("error")
 
 
 @pytest.mark.parametrize(
@@ -119,14 +119,14 @@ def test_conditions_that_are_no_booleans_follow_lua_truth(run: Callable[..., Ran
     )
     assert ("passed" if holds else "failed") == ran.outcome
     failures = [] if holds else [("checks", "a"), (f"checking ({condition})", "b")]
-    assert failures == ran.told("failure")
+    assert failures == ran.reported("failure")
 
 
 def test_messages_are_no_format_strings(run: Callable[..., Ran]):
     """Percent signs and invalid UTF-8 in messages do no harm."""
     ran = run(body("robottestingframework.testReport('%d %s %n \\xff \\u{e9}')\nerror('100%d')"))
-    assert ("reports", "%d %s %n � é") in ran.told("info")
-    assert ran.told("error") == [("exception", "LuaError: script.lua:3: 100%d")]
+    assert ("reports", "%d %s %n � é") in ran.reported("info")
+    assert ran.reported("error") == [("exception", "LuaError: script.lua:3: 100%d")]
 
 
 @pytest.mark.parametrize(
@@ -154,7 +154,7 @@ def test_what_ends_a_test_says_what_it_is_and_where(
     problem = next(m for m in ran.messages if m.title == title)
     assert detail in problem.detail
     assert (outcome, "script.lua", 2) == (ran.outcome, Path(problem.file).name, problem.line)
-    assert ("reports", "down") in ran.told("info")
+    assert ("reports", "down") in ran.reported("info")
 
 
 def test_an_error_carries_the_traceback_of_lua(run: Callable[..., Ran]):
@@ -173,7 +173,7 @@ def test_an_error_carries_the_traceback_of_lua(run: Callable[..., Ran]):
 def test_an_error_anywhere_is_an_error_of_the_test(run: Callable[..., Ran], name: str):
     """An error in setup, run or tearDown is an error of the test."""
     ran = run(f"TestCase.run = function() end\nTestCase.{name} = function() error('x') end")
-    assert ran.told("error") == [("exception", "LuaError: script.lua:2: x")]
+    assert ran.reported("error") == [("exception", "LuaError: script.lua:2: x")]
     assert ran.outcome == "error"
 
 
@@ -185,10 +185,10 @@ def test_pcall_catches_an_assertion_as_it_always_did(run: Callable[..., Ran]):
             "robottestingframework.testReport(tostring(ok) .. tostring(e))"
         )
     )
-    assert ("reports", "falseno") in caught.told("info")
+    assert ("reports", "falseno") in caught.reported("info")
     assert caught.outcome == "passed"
     passed_on = run(body("local ok, e = pcall(robottestingframework.assertFail, 'no')\nerror(e)"))
-    assert passed_on.told("failure") == [("asserts failure with exception", "no")]
+    assert passed_on.reported("failure") == [("asserts failure with exception", "no")]
     assert passed_on.outcome == "failed"
 
 
@@ -283,7 +283,7 @@ def test_without_lupa_the_hint_is_said(run: Callable[..., Ran], monkeypatch: pyt
     """Without lupa the error names the command that installs it."""
     monkeypatch.setitem(sys.modules, "lupa", None)
     ran = run(DATA / "classic.lua")
-    assert "pip install 'rtf[lua]'" in ran.told("error")[0][1]
+    assert "pip install 'rtf[lua]'" in ran.reported("error")[0][1]
     with pytest.raises(PluginError):
         lua_plugin.LuaTest(DATA / "classic.lua")
 

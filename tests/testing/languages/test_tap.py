@@ -262,8 +262,8 @@ def test_a_failed_point_at_top_level_is_always_reported(lines: list[str]):
     """A failed point at the top level is reported in any mix of lines."""
     items = parse("\n".join(lines))
     surface = [line for line in lines if line.startswith("not ok 2")]
-    told = [item for item in items if isinstance(item, Point) and item.description == "left arm" and item.failed]
-    assert len(surface) == len(told)
+    failed = [item for item in items if isinstance(item, Point) and item.description == "left arm" and item.failed]
+    assert len(surface) == len(failed)
 
 
 def test_a_long_stream_is_bounded():

@@ -94,8 +94,8 @@ def test_only_the_same_test_is_numbered():
 def test_suites_of_one_name_are_told_apart_by_their_files():
     """Suites of one name have their file's name in the id, or a number if that is the same."""
     names = NameBook("+")
-    told = [suite_id("Arm", file, names) for file in ("lab/arm.xml", "lab/second.xml", "lab/second.xml", "")]
-    assert told == ["arm", "arm[second]", "arm+2", "arm+3"]
+    ids = [suite_id("Arm", file, names) for file in ("lab/arm.xml", "lab/second.xml", "lab/second.xml", "")]
+    assert ids == ["arm", "arm[second]", "arm+2", "arm+3"]
 
 
 @pytest.mark.parametrize(

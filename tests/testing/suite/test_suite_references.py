@@ -74,7 +74,7 @@ def test_fixtures_in_a_circle_are_named():
 
 
 @pytest.mark.parametrize(
-    ("body", "told"),
+    ("body", "message"),
     [
         ('<fixture name="a" depends="a">F</fixture>', "in a circle: a -> a"),
         ('<fixture name="robot">F</fixture><fixture depends="robto">F</fixture>', "did you mean 'robot'?"),
@@ -86,9 +86,9 @@ def test_fixtures_in_a_circle_are_named():
         ),
     ],
 )
-def test_fixtures_that_cannot_be_used_are_errors(body: str, told: str):
+def test_fixtures_that_cannot_be_used_are_errors(body: str, message: str):
     """Each invalid fixture is an error with its reason."""
-    assert any(told in problem for problem in problems(body))
+    assert any(message in problem for problem in problems(body))
 
 
 # --- requirements -----------------------------------------------------------------------------------------------------

@@ -24,7 +24,7 @@ def refused(data: bytes | str) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("", "s.xml:1:1: error: this is not well-formed XML: no element found"),
         ('<suite name="S">\n  <test>A</suite>', "s.xml:2:12: error: this is not well-formed XML: mismatched tag"),
@@ -40,9 +40,9 @@ def refused(data: bytes | str) -> list[str]:
         ("\0", "not well-formed"),
     ],
 )
-def test_malformed_xml_is_an_error_with_its_place(text: str, told: str):
+def test_malformed_xml_is_an_error_with_its_place(text: str, message: str):
     """Malformed XML is an error with line and column."""
-    assert told in refused(text)[0]
+    assert message in refused(text)[0]
 
 
 def test_what_stands_before_the_malformed_place_is_checked_all_the_same():
@@ -108,17 +108,17 @@ def test_encodings_that_files_have_are_read(encoding: str):
 
 
 @pytest.mark.parametrize(
-    ("data", "told"),
+    ("data", "expected"),
     [
         (b'<suite name="S">\n<test>\xff</test></suite>', "s.xml:2:7: error: this is not UTF-8 text"),
         (b'<?xml version="1.0" encoding="zip"?><suite/>', "the encoding 'zip' is not supported"),
         (b'<?xml version="1.0" encoding="iso-8859-99"?><suite/>', "there is no encoding 'iso-8859-99'"),
     ],
 )
-def test_other_encodings_are_refused(data: bytes, told: str):
+def test_other_encodings_are_refused(data: bytes, expected: str):
     """An unsupported encoding is refused, with a hint to UTF-8."""
     (message,) = refused(data)
-    assert told in message
+    assert expected in message
     assert "UTF-8)" in message
 
 
@@ -151,17 +151,17 @@ def loops(depth: int, values: str, body: str) -> str:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         (loops(4, "0 1 2 3 4 5 6 7 8 9", "<test>T</test>"), "unfolds into more than 2000 tests"),
         (loops(15, "0 1 2 3 4 5 6 7 8 9", ""), "steps to unfold"),
         (loops(1, " ".join("a" * 5000), f'<test param="{"p" * 60_000}">T</test>'), "characters"),
     ],
 )
-def test_loops_are_bounded(text: str, told: str, monkeypatch: pytest.MonkeyPatch):
+def test_loops_are_bounded(text: str, message: str, monkeypatch: pytest.MonkeyPatch):
     """Tests, steps and characters that loops unfold into have limits; that of tests is made smaller, to be quick."""
     monkeypatch.setitem(LIMITS, "tests", 2000)
-    assert told in refused(text)[0]
+    assert message in refused(text)[0]
 
 
 def test_loops_are_not_nested_without_end():

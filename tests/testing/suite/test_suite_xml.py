@@ -309,7 +309,7 @@ def test_an_included_file_keeps_its_defaults_for_its_own_tests():
 
 
 @pytest.mark.parametrize(
-    ("attribute", "told"),
+    ("attribute", "message"),
     [
         ('retries="-1"', "a whole number from 0 to 1000"),
         ('retries="x"', "a whole number from 0 to 1000"),
@@ -324,12 +324,12 @@ def test_an_included_file_keeps_its_defaults_for_its_own_tests():
         ('requires="test:\'a"', "never closed"),
     ],
 )
-def test_a_bad_value_is_an_error_at_its_place_and_keeps_the_test_out(attribute: str, told: str):
+def test_a_bad_value_is_an_error_at_its_place_and_keeps_the_test_out(attribute: str, message: str):
     """An invalid value is an error with place and valid values, and omits the test."""
     loaded = load(f'<suite name="S">\n  <test {attribute}>A</test><test>B</test></suite>')
     assert plugins(loaded.suite) == ["B"]
     (error,) = loaded.errors
-    assert told in str(error)
+    assert message in str(error)
     assert (error.line, error.column) == (2, 9)
 
 
@@ -353,7 +353,7 @@ def test_all_problems_are_reported_in_one_go():
 
 @pytest.mark.parametrize("lenient", [False, True])
 @pytest.mark.parametrize(
-    ("body", "told"),
+    ("body", "message"),
     [
         ("<tst>A</tst>", "<suite> has no element <tst>; it is not read (did you mean 'test'?)"),
         ('<test timeot="3">A</test>', "<test> has no attribute 'timeot'; it is not read (did you mean 'timeout'?)"),
@@ -361,10 +361,10 @@ def test_all_problems_are_reported_in_one_go():
         ("<description/><group/><group/>", "<suite> has no element <group>; it is not read"),
     ],
 )
-def test_an_unknown_name_is_an_error_with_a_hint_or_leniently_a_warning(body: str, told: str, lenient: bool):
+def test_an_unknown_name_is_an_error_with_a_hint_or_leniently_a_warning(body: str, message: str, lenient: bool):
     """An unknown element or attribute is an error with a hint, leniently a warning."""
     loaded = load_suite_bytes(f'<suite name="S">{body}</suite>'.encode(), "s.xml", lenient=lenient)
-    assert told in str(loaded.diagnostics[0])
+    assert message in str(loaded.diagnostics[0])
     assert len(loaded.errors) == (0 if lenient else len(loaded.diagnostics))
 
 
@@ -374,7 +374,7 @@ def test_what_editors_write_to_find_the_schema_is_no_problem():
 
 
 @pytest.mark.parametrize(
-    ("body", "told"),
+    ("body", "message"),
     [
         ("<suite name='T'/>", "use <include> instead"),
         ("<test>A<test>B</test></test>", "it may stand in <for> or <suite>"),
@@ -382,11 +382,11 @@ def test_what_editors_write_to_find_the_schema_is_no_problem():
         ('<for name="a" in="b"><environment>F</environment></for>', "it may stand in <fixture> or <suite> or <test>"),
     ],
 )
-def test_a_known_element_at_the_wrong_place_is_an_error(body: str, told: str):
+def test_a_known_element_at_the_wrong_place_is_an_error(body: str, message: str):
     """A known element at a wrong place is an error."""
     (problem,) = problems(body)
     assert "error: " in problem
-    assert told in problem
+    assert message in problem
 
 
 def test_expected_failures_want_a_reason():

@@ -135,8 +135,8 @@ def test_values_are_handed_to_tests_and_dependents_with_their_types(tmp_path: Pa
     needs = NEEDS.replace("KIND", "int").replace("FIXTURE", "server").replace("KEY", "port")
     outcome = run_suite(tmp_path, xml, fixtures__py=VALUES, needs__py=needs)
     assert said(outcome) == ["a fixture sees 1001", "a test sees 1001 {'port': 1001, 'names': ['a', 'b']}"]
-    told = [(event.fixture, event.detail) for event in outcome.of(Message, title="provides")]  # type: ignore[attr-defined]
-    assert told == [("server", "port = 1001"), ("server", 'names = ["a", "b"]')]
+    values = [(event.fixture, event.detail) for event in outcome.of(Message, title="provides")]  # type: ignore[attr-defined]
+    assert values == [("server", "port = 1001"), ("server", 'names = ["a", "b"]')]
 
 
 def test_values_follow_a_restart(tmp_path: Path):

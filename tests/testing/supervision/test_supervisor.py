@@ -99,7 +99,7 @@ class Fx(FixtureManager):
         self.output("the very last line")
     def do_chatter(self):
         for _ in range(40): self.report("y" * 1_000_000)
-    def do_stray(self):
+    def do_daemonize(self):
         if os.fork() == 0:
             os.setsid()
             if os.fork() == 0: self.linger_in_vain()
@@ -569,7 +569,7 @@ class TestTeardown:
 
     def test_leaves_nothing_behind(self, lab: Lab):
         """A process that a fixture leaves is ended with it."""
-        outcome = lab.run(fixture(on_setup="stray") + case())
+        outcome = lab.run(fixture(on_setup="daemonize") + case())
         assert verdicts(outcome) == [Verdict.PASSED]
 
 

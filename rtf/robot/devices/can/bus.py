@@ -112,7 +112,7 @@ class CanBus:
         self._waiting: list[tuple[int, int, float, bytes]] = []  # a heap: identifier, number, deadline, data
         self._numbers = count()
         self._claims: dict[str, object] = {}
-        self._told = ""
+        self._reported = ""
         self._failures = 0
         self._retry = _FIRST_RETRY
         self._open_again: clock.Deadline | None = None
@@ -160,8 +160,8 @@ class CanBus:
 
     def restarted(self) -> None:
         """Tell the devices that all boards have been reset on purpose, and have to be configured again."""
-        for tell in self.on_restart:
-            tell()
+        for notify in self.on_restart:
+            notify()
 
     # Receiving -----------------------------------------------------------------------------------------------------
 
@@ -275,7 +275,7 @@ class CanBus:
                 try:
                     receive(*latest)
                 except RobotError as error:
-                    self._tell(f"the CAN bus {self.name}: {error}")
+                    self._report_once(f"the CAN bus {self.name}: {error}")
 
     def _read(self) -> None:
         while not self._ended.is_set():
@@ -368,7 +368,9 @@ class CanBus:
                 self._waiting = [entry for entry in self._waiting if entry[2] >= now]
                 heapq.heapify(self._waiting)
                 self.counters.expired += len(late)
-                self._tell(f"the CAN bus {self.name} is busy: {len(late)} frames waited too long and were not sent")
+                self._report_once(
+                    f"the CAN bus {self.name} is busy: {len(late)} frames waited too long and were not sent"
+                )
             with suppress(BusError):  # which is reported
                 self._transmit_waiting()
 
@@ -397,7 +399,7 @@ class CanBus:
         self._waiting.clear()
         self._failures = 0
         self._open_again = clock.Deadline.after(self._retry)
-        self._tell(f"the CAN bus {self.name} {why}")
+        self._report_once(f"the CAN bus {self.name} {why}")
 
     def _try_again(self, timeout: float) -> bool:
         """Open the interface again, if it is time to. Return whether the bus is on."""
@@ -412,19 +414,19 @@ class CanBus:
             except RobotError as error:
                 self._retry = min(2 * self._retry, _LAST_RETRY)
                 self._open_again = clock.Deadline.after(self._retry)
-                self._tell(str(error))
+                self._report_once(str(error))
                 return False
             self._open_again, self._retry = None, _FIRST_RETRY
             self.counters.recovered += 1
             self._filter()
-        self._told = ""
+        self._reported = ""
         self._report(f"the CAN bus {self.name} is on again")
         return True
 
-    def _tell(self, sentence: str) -> None:
+    def _report_once(self, sentence: str) -> None:
         """Report a sentence, once in a row."""
-        if sentence != self._told:
-            self._told = sentence
+        if sentence != self._reported:
+            self._reported = sentence
             self._report(sentence)
 
 

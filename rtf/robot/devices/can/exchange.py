@@ -61,7 +61,7 @@ class Exchange:
         self._wanted: tuple[int, int] | None = None  # identifier and command of the answer
         self._answers: deque[Frame] = deque()
         self._asked: Counter[int] = Counter()  # questions for the version of a board, and answers to them
-        self._told: Counter[int] = Counter()
+        self._answered: Counter[int] = Counter()
         self._end = bus.subscribe(self._take, [kind << 8 | board << 4 for kind in POLLING for board in ADDRESSES])
 
     def close(self) -> None:
@@ -104,7 +104,7 @@ class Exchange:
 
     def clashes(self) -> list[int]:
         """Return the boards with more answers about their version than questions: two boards have this address."""
-        return sorted(board for board, answers in [*self._told.items()] if answers > self._asked[board])
+        return sorted(board for board, answers in [*self._answered.items()] if answers > self._asked[board])
 
     def discover(self, seconds: float = _SEARCH) -> list[Version]:
         """Return all boards that answer a search, in the order of their addresses; two with one address are both there.
@@ -135,7 +135,7 @@ class Exchange:
         """Keep an answer to the present question. Called by the thread of the bus."""
         del stamp
         if frame.data and frame.data[0] == VERSION.value.code and frame.identifier <= _LAST_OF_MOTORS:
-            self._told[frame.identifier >> 4] += 1
+            self._answered[frame.identifier >> 4] += 1
         wanted = self._wanted
         if wanted is None or not frame.data or frame.data[0] != wanted[1]:
             return

@@ -107,7 +107,7 @@ class Field:
 class Message:
     """One kind of message. ``code`` is its command, or in a periodic class its type.
 
-    ``reply`` tells the answer of a board from the request of the host. The sender of a periodic message is a board;
+    ``reply``: it is the answer of a board, not the request of the host. The sender of a periodic message is a board;
     only the setpoints of FOC boards come from the host, and their ``board`` is ``HOST``.
     """
 

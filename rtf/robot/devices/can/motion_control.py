@@ -156,11 +156,11 @@ class CanMotionControl(BoardDriver):
 
     def _saturation(self, name: str) -> Callable[[str, float, int], None]:
         """Return what reports values that do not fit into messages, each kind once."""
-        told: set[str] = set()
+        reported: set[str] = set()
 
         def saturated(what: str, value: float, limit: int) -> None:
-            if what not in told:
-                told.add(what)
+            if what not in reported:
+                reported.add(what)
                 self.report(f"{name}: the {what} of {value:.6g} does not fit into a message; {limit} is sent")
 
         return saturated
