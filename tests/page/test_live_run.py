@@ -366,5 +366,6 @@ def test_an_answer_that_is_just_too_late_is_left(monkeypatch: pytest.MonkeyPatch
         with pytest.raises(TimeoutError):
             await asking
 
-    asyncio.run(converse())
+    with ThreadPoolExecutor(1) as pool:  # this thread may have a loop, of a browser
+        pool.submit(asyncio.run, converse()).result()
     assert over == [True]

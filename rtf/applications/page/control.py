@@ -14,6 +14,7 @@ from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING, Protocol, TypeAlias
 
@@ -331,16 +332,23 @@ class ControlledApplication:
         """Watch what runs."""
         with suppress(RtfError):  # whether something runs that was left, is known when the network can be asked
             self._find_left()
-        due = 0.0
+        due, problem = 0.0, ""
         while not self._closing.wait(LOOK):
-            try:
-                if self._manager is not None and not self._runner:
-                    self._watch_own(self._manager)
-                elif clock.monotonic() >= due:
-                    due = clock.monotonic() + _LOOK_FOR_OTHERS
-                    self._watch_other()
-            except RtfError as error:
+            if self._manager is not None and not self._runner:
+                problem = self._look(partial(self._watch_own, self._manager), problem)
+            elif clock.monotonic() >= due:
+                due = clock.monotonic() + _LOOK_FOR_OTHERS
+                problem = self._look(self._watch_other, problem)
+
+    def _look(self, look: Callable[[], None], before: str) -> str:
+        """Look once. Return the problem, "" for none; it is reported unless it is the one of ``before``."""
+        try:
+            look()
+        except RtfError as error:
+            if str(error) != before:
                 self._say(Event(Kind.FAILED, str(error)))
+            return str(error)
+        return ""
 
     def _find_left(self) -> None:
         """Take over modules that a manager has left running."""
@@ -369,19 +377,17 @@ class ControlledApplication:
 
     def _watch_network(self) -> None:
         """Look at connections and nodes, while somebody is interested."""
-        due = 0.0
+        due, problem = 0.0, ""
         while not self._closing.wait(LOOK):
             begun = clock.monotonic()
             if begun - self._asked > _ATTENTION:
                 continue
-            try:
-                self._nodes.look(self._places())  # which waits for nothing
-                if begun >= due:
-                    self._look_at_links()
-                    now = clock.monotonic()
-                    due = now + max(_LOOK_AT_LINKS, (now - begun) / _SHARE)
-            except RtfError as error:
-                self._say(Event(Kind.FAILED, str(error)))
+            self._nodes.look(self._places())  # which waits for nothing
+            if begun < due:
+                continue
+            problem = self._look(self._look_at_links, problem)
+            now = clock.monotonic()
+            due = now + max(_LOOK_AT_LINKS, (now - begun) / _SHARE)
 
     def _look_at_links(self) -> None:
         states = self._current_links().states()
