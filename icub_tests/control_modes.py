@@ -77,6 +77,7 @@ class ControlModes(JointsTest):
         self.missing = {words[word] for word in self.without}
         if ControlMode.IDLE in self.missing:
             self.missing.add(ControlMode.FORCE_IDLE)
+        self.refused: set[ControlMode] = set()
         self.torque_known = True
         self.compliant = self._torque_controlled()
         self.currents = {joint: part.board.max_current(joint) for joint in self.chosen} if self.faults else {}
@@ -176,7 +177,7 @@ class ControlModes(JointsTest):
             self._wait_until(lambda: len(trace) > 0)  # on a busy machine states come late
         for joint in filter(self._has, joints):
             self.tested[joint].add((before[joint], request))
-            self._compare_modes(joint, before[joint], request, expected[joint], trace, begin, refused)
+            self._compare_modes(joint, before[joint], request, expected[joint], trace, begin, refused=refused)
 
     def _has(self, joint: int) -> bool:
         """Whether a joint is still tested."""
@@ -201,13 +202,17 @@ class ControlModes(JointsTest):
     def _wait(self, seconds: float) -> None:
         self.retry_without_stopped(lambda: self.robot_part.wait(seconds, pace=_LOOK))
 
-    def _request(self, request: ControlMode, joints: list[int]) -> str:
+    def _request(self, request: ControlMode, joints: list[int]) -> bool:
+        """Request a mode; return whether the board refused it, which is reported once."""
         try:
             self.robot_part.let_go.update(joints)  # whatever is requested, idle is among it
             self.robot_part.board.set_control_modes([request] * len(joints), joints)
         except RefusedError as error:
-            return str(error)
-        return ""
+            if request not in self.refused:
+                self.refused.add(request)
+                self.warn(f"{error}; if the boards do not have this mode, write it into 'without' ({request.word})")
+            return True
+        return False
 
     def _compare_modes(
         self,
@@ -217,7 +222,8 @@ class ControlModes(JointsTest):
         expected: ControlMode,
         trace: Trace,
         begin: float,
-        refused: str,
+        *,
+        refused: bool,
     ) -> None:
         modes = trace.control_modes[:, joint]
         there = np.flatnonzero(modes == expected)
@@ -225,7 +231,7 @@ class ControlModes(JointsTest):
         asked = f"after a request for {request.word} in {before.word} it"
         if not len(modes) or modes[-1] != expected:
             now = mode_word(int(modes[-1])) if len(modes) else "unknown"
-            why = f" ({refused})" if refused else ""
+            why = " (refused)" if refused else ""
             self.wrong[joint].append(f"{asked} is in {now}, not {expected.word}{why}")
         elif (modes[:first] != before).any() or (modes[first:] != expected).any():
             passed = ", ".join(mode_word(mode) for mode in dict.fromkeys(modes.tolist()))
