@@ -49,7 +49,7 @@ class BridgeContract:
         board = FakeBoard("board", network=network)
         with (
             served(board, "/robot/arm", network=network, period=0.01),
-            connect("/robot/arm", carrier="tcp", network=network) as client,
+            connect("/robot/arm", carrier="tcp", network=network, timeout=10.0) as client,
             closing(self.bridge(node("bridge"), network)) as bridge,
         ):
             board.set_encoders([90.0, 0.0, -45.0])

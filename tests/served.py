@@ -14,6 +14,15 @@ if TYPE_CHECKING:
     from rtf.middleware.ports.network import Network
     from rtf.robot.devices.fake_board import FakeBoard
 
+#: What a program runs that reads the states of a board served here: on a busy machine they come late.
+PATIENT = """
+from functools import partial
+from rtf.robot.boards import client
+from rtf.robot.network import state_reader
+client.connect = partial(client.connect, timeout=20.0)
+state_reader._MOST_WAITING = 20.0
+"""
+
 
 @contextmanager
 def served(board: FakeBoard, place: str, *, network: Network, period: float) -> Iterator[ControlBoardDevice]:

@@ -39,9 +39,11 @@ def let(run: Any, *names: str) -> None:
 
 
 def let_it_say(run: Any, first: int, last: int) -> None:
-    """Let the test report these lines, and wait until they are in the journal."""
+    """Let the test report these lines, and wait until they are in the journal, each with its measurement."""
     let(run, *[f"say{number}" for number in range(first, last + 1)])
-    run.wait_for(lambda events: any(isinstance(event, Message) and event.detail == f"line {last}" for event in events))
+    run.wait_for(
+        lambda events: any(isinstance(event, Measured) and event.name == f"quantity {last}" for event in events)
+    )
 
 
 def assert_same_as_journal(page: Page, run: Any) -> None:

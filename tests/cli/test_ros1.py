@@ -17,7 +17,7 @@ from rtf.middleware.ports.network import Network
 from rtf.robot.devices.fake_board import FakeBoard
 from rtf.ros1.messages import JointState
 from rtf.ros1.node import Node
-from served import served
+from served import PATIENT, served
 from waiting import eventually
 
 if TYPE_CHECKING:
@@ -28,10 +28,12 @@ WITHOUT_ROSBAGS = "import sys; sys.modules['rosbags'] = None; sys.modules['rosba
 
 def run(*words: str, before: str = "") -> subprocess.CompletedProcess[str]:
     """Run the command to its end."""
-    program = f"{before}from rtf.cli.tools import main; sys.exit(main({[*words]!r}))"
-    return subprocess.run(
-        [sys.executable, "-c", f"import sys; {program}"], capture_output=True, text=True, check=False, timeout=60
-    )
+    return subprocess.run(program(*words, before=before), capture_output=True, text=True, check=False, timeout=60)
+
+
+def program(*words: str, before: str) -> list[str]:
+    """Return the command as a process that runs ``before`` first."""
+    return [sys.executable, "-c", f"{before}\nimport sys\nfrom rtf.cli.tools import main\nsys.exit(main({[*words]!r}))"]
 
 
 @pytest.mark.parametrize(
@@ -80,11 +82,11 @@ def test_a_robot_is_published_until_a_signal(tmp_path: Path, monkeypatch: pytest
         board = FakeBoard("board", network=network)
         words = ("ros1", "--robot", "robot", "--parts", "arm", "--node", "bridge", "--namespace", "/lab")
         with served(board, "/robot/arm", network=network, period=0.01):
-            with subprocess.Popen([sys.executable, "-m", "rtf", *words], stderr=-1, text=True) as program:
-                assert program.stderr is not None
-                assert program.stderr.readline() == "READY the node bridge\n"
+            with subprocess.Popen(program(*words, before=PATIENT), stderr=-1, text=True) as bridge:
+                assert bridge.stderr is not None
+                assert bridge.stderr.readline() == "READY the node bridge\n"
                 eventually(lambda: len(got) > 20, "no states came")
-                program.send_signal(signal.SIGTERM)
-                assert program.stderr.read() == "SIGTERM: ends\n"
-            assert program.returncode == 0
+                bridge.send_signal(signal.SIGTERM)
+                assert bridge.stderr.read() == "SIGTERM: ends\n"
+            assert bridge.returncode == 0
         assert not [one for one in listener.master.call("getSystemState")[0] if one[0] == "/lab/joint_states"]

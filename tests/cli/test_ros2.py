@@ -18,7 +18,7 @@ from rtf.robot.devices.fake_board import FakeBoard
 from rtf.ros2.description import read_joints
 from rtf.ros2.messages import Float64MultiArray, JointState, String
 from rtf.ros2.node import Node, default_qos
-from served import served
+from served import PATIENT, served
 from waiting import eventually
 
 if TYPE_CHECKING:
@@ -26,15 +26,18 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 WITHOUT_DDS = "import sys; sys.modules['cyclonedds'] = None; "
+PATIENT_COMMANDS = f"{PATIENT}from rtf.ros2 import commands\ncommands._CHANGE = 20.0\n"
 WORDS = ("ros2", "--robot", "robot", "--parts", "arm", "--node", "bridge", "--namespace", "/lab")
 
 
 def run(*words: str, before: str = "") -> subprocess.CompletedProcess[str]:
     """Run the command to its end."""
-    program = f"{before}from rtf.cli.tools import main; sys.exit(main({[*words]!r}))"
-    return subprocess.run(
-        [sys.executable, "-c", f"import sys; {program}"], capture_output=True, text=True, check=False, timeout=60
-    )
+    return subprocess.run(program(*words, before=before), capture_output=True, text=True, check=False, timeout=60)
+
+
+def program(*words: str, before: str) -> list[str]:
+    """Return the command as a process that runs ``before`` first."""
+    return [sys.executable, "-c", f"{before}\nimport sys\nfrom rtf.cli.tools import main\nsys.exit(main({[*words]!r}))"]
 
 
 @pytest.fixture
@@ -56,15 +59,16 @@ def board(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeBoard
 @contextmanager
 def running(*words: str) -> Iterator[None]:
     """Run the command until a signal ends it."""
-    with subprocess.Popen([sys.executable, "-m", "rtf", *WORDS, *words], stderr=-1, text=True) as program:
-        assert program.stderr is not None
-        assert program.stderr.readline() == "READY the node bridge\n"
+    command = program(*WORDS, *words, before=PATIENT_COMMANDS)
+    with subprocess.Popen(command, stderr=-1, text=True) as running:
+        assert running.stderr is not None
+        assert running.stderr.readline() == "READY the node bridge\n"
         try:
             yield
         finally:
-            program.send_signal(signal.SIGTERM)
-        assert program.stderr.read() == "SIGTERM: ends\n"
-    assert program.returncode == 0
+            running.send_signal(signal.SIGTERM)
+        assert running.stderr.read() == "SIGTERM: ends\n"
+    assert running.returncode == 0
 
 
 @pytest.mark.parametrize(
@@ -91,7 +95,7 @@ def test_without_dds_it_says_what_to_install():
 
 def test_a_real_robot_obeys_with_permission_only(board: FakeBoard):
     """Else the command is not even started."""
-    done = run(*WORDS, "--commands")
+    done = run(*WORDS, "--commands", before=PATIENT)
     assert done.returncode == 1
     assert "/robot/arm is not simulated: with --allow-motion it obeys whatever is on the topics" in done.stderr
     with Node("user") as user, running("--commands", "--allow-motion"):

@@ -30,6 +30,12 @@ if TYPE_CHECKING:
     from rtf.middleware.wire.incoming_message import IncomingMessage
 
 
+@pytest.fixture(autouse=True)
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a busy machine the last records may take longer than a program should wait at its end."""
+    monkeypatch.setattr(forwarding, "_CLOSING", 30.0)
+
+
 @pytest.fixture
 def logger(request: pytest.FixtureRequest) -> logging.Logger:
     """A logger of this test alone."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 
@@ -143,19 +144,22 @@ def test_reporter_that_breaks_is_an_internal_error(lab):
 
 def test_time_out_of_the_suite_is_red_once(lab):
     """After a suite's time-out one test fails, and the remaining ones are skipped."""
-    lab.suite('<test name="slow"> Hangs </test><test name="late"> Fine </test>', attributes='timeout="1"')
+    lab.suite('<test name="slow"> Hangs </test><test name="late"> Fine </test>', attributes='timeout="3"')
     finished = lab.run("s.xml", "-ra")
     assert finished.last_line.startswith("1 failed, 1 skipped")
-    assert finished.line("FAILED") == "FAILED s.xml::slow - error: the suite did not end within 1 s"
-    assert finished.line("SKIPPED").endswith("not run: the suite did not end within 1 s")
+    assert finished.line("FAILED") == "FAILED s.xml::slow - error: the suite did not end within 3 s"
+    assert finished.line("SKIPPED").endswith("not run: the suite did not end within 3 s")
 
 
 def test_time_out_of_pytest_ends_the_test_alone(lab):
     """A time-out of pytest-timeout ends the test's process with its teardown, and the next test runs."""
     lab.suite(f'{FIXTURE}<test name="slow"> Hangs </test><test name="next"> Fine </test>')
-    finished = lab.run("s.xml", "-p", "pytest_timeout", "-o", "timeout=2")
+    session = lab.start("s.xml", "-p", "pytest_timeout", "-o", "timeout=60")
+    session.wait_until((lab.folder / "running").exists)
+    session.interrupt(signal.SIGALRM)  # as when the time is up
+    finished = session.wait()
     assert finished.last_line.startswith("1 failed, 1 passed")
-    assert "Timeout (>2.0s)" in finished.line("FAILED")
+    assert "Timeout (>60.0s)" in finished.line("FAILED")
     assert verdicts(finished) == {"slow": Verdict.ERROR, "next": Verdict.PASSED}
     assert "Timeout" in finished.results.tests["s/slow"].last.detail
     assert (lab.folder / "torn-down").exists()

@@ -158,6 +158,8 @@ def test_a_source_that_comes_back_is_recorded_again(tmp_path: Path, network: Net
                     assert not deadline.expired
                     clock.sleep(0.01)
                 port.write(Bottle([number]))
+                if number:
+                    recorder.close()  # before the second end
     info = (tmp_path / "run/camera/info.log").read_text().splitlines()
     assert [line.split(" ", 1)[1] for line in info] == [
         "Bottle;",

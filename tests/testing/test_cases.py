@@ -239,7 +239,7 @@ def test_a_lost_fixture_takes_the_cases_along(tmp_path: Path):
 def test_a_timeout_leaves_the_reported_cases(tmp_path: Path):
     """After a time-out the program is an error, and reported cases count."""
     program = "#!/bin/sh\necho 1..2\necho ok 1 - a\nexec sleep 100\n"
-    outcome = run_suite(tmp_path, '<test timeout="0.5">p.sh</test>', p__sh=program)
+    outcome = run_suite(tmp_path, '<test timeout="1.5">p.sh</test>', p__sh=program)
     assert verdicts(outcome) == {"p": "error", "p::a": "passed"}
 
 

@@ -114,7 +114,7 @@ class Scene:
                 "b.py": TEST.replace("HOOK_TEARDOWN", "pass").replace("HOOK", "pass"),
             },
         )
-        return Command(self.folder, "--suite", "suite.xml", "--junit", "out.xml", "--grace", "0.3", *arguments)
+        return Command(self.folder, "--suite", "suite.xml", "--junit", "out.xml", "--grace", "30", *arguments)
 
     def go(self, name: str = "go") -> None:
         """Let a waiting test go on."""
@@ -215,7 +215,7 @@ def test_sigterm_ends_a_run_before_it_is_killed(scene: Scene, signum: signal.Sig
 
 def test_sigterm_ends_a_run_in_which_everything_hangs(scene: Scene):
     """A hung test, safe state and teardown are cut short, and reports are written in time."""
-    command = scene.start(LOCKED, "--grace", "30", safe="time.sleep(40)", down=LOCKED.replace("locked", "stuck"))
+    command = scene.start(LOCKED, safe="time.sleep(40)", down=LOCKED.replace("locked", "stuck"))
     scene.wait_until_noted("locked")
     assert stop_as_docker_does(command, signal.SIGTERM) < 9  # nothing ends sooner than its limit here
     outcome = check_end(command, scene, a=Verdict.INTERRUPTED, b=Verdict.NOT_RUN, c=Verdict.NOT_RUN)
@@ -285,7 +285,7 @@ def test_failure_found_before_the_second_interrupt_stands(scene: Scene):
 
 def test_second_interrupt_kills_a_test_that_hangs_in_native_code(scene: Scene):
     """A test that does not react is killed after the grace, and the fixture is torn down."""
-    command = scene.start(LOCKED)
+    command = scene.start(LOCKED, "--grace", "0.3")
     scene.wait_until_noted("locked")
     interrupt(command, 2)
     outcome = check_end(command, scene, a=Verdict.INTERRUPTED, b=Verdict.NOT_RUN, c=Verdict.NOT_RUN)
@@ -294,7 +294,7 @@ def test_second_interrupt_kills_a_test_that_hangs_in_native_code(scene: Scene):
 
 def test_third_interrupt_kills_at_once(scene: Scene):
     """The running test is killed without its teardown, and the fixture is torn down."""
-    command = scene.start("wait_for_go()", "--grace", "30", teardown="wait_for_go()")
+    command = scene.start("wait_for_go()", teardown="wait_for_go()")
     scene.wait_until_noted("run")
     interrupt(command, 2)
     scene.wait_until_noted("teardown")

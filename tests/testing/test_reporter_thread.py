@@ -21,7 +21,6 @@ class Hearing(Reporter):
     """A reporter that keeps its events and counts its updates."""
 
     plugin_name = "hearing"
-    patience = 0.2
 
     def __init__(self) -> None:
         super().__init__(ReportOptions(None, Path()))
@@ -39,6 +38,7 @@ class Hanging(Hearing):
     """A reporter that hangs in its second event."""
 
     plugin_name = "hanging"
+    patience = 0.2
 
     def handle(self, event: Event, results: RunResult) -> None:
         super().handle(event, results)
@@ -77,8 +77,6 @@ def test_an_expensive_report_is_brought_up_to_date_less_often(broken: list[tuple
     """A report whose update takes long is updated rarely, without delaying others."""
 
     class Expensive(Hearing):
-        patience = 10.0
-
         def update(self, results: RunResult) -> None:
             super().update(results)
             began = resource.getrusage(resource.RUSAGE_THREAD).ru_utime

@@ -544,8 +544,8 @@ CROWDED = """
 def test_stacks_are_written_before_it_is_asked_to_stop(tmp_path: Path, kind: str):
     """Stacks are written before the stop, so that the process is not disturbed meanwhile."""
     suites = {
-        "test": '<suite name="s"><test timeout="0.5">crowd.py</test></suite>',
-        "fixture": '<suite name="s"><fixture timeout="0.5" restarts="0">crowd.py</fixture><test>t.py</test></suite>',
+        "test": '<suite name="s"><test timeout="2">crowd.py</test></suite>',
+        "fixture": '<suite name="s"><fixture timeout="2" restarts="0">crowd.py</fixture><test>t.py</test></suite>',
     }
     plugins = {
         "test": test_file(CROWDED),

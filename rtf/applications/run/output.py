@@ -33,7 +33,7 @@ LINE = 4096
 #: Seconds between two attempts to reach the reader.
 _AGAIN = 5.0
 #: Seconds after the end of a child in which a terminal may still connect to read what it wrote.
-_LINGER = 2.0
+LINGER = 2.0
 _TOGETHER = 16
 _LOOK = 0.2
 
@@ -162,7 +162,7 @@ class LineSender:
                     self._report_once(f"{self.name}: {error}; the last lines are kept until it can be reached")
             with self._changed:
                 if self._closing:
-                    linger = 0.0 if self._target else _LINGER
+                    linger = 0.0 if self._target else LINGER
                     return bool(self._changed.wait_for(lambda: port.outputs, linger))
                 self._changed.wait_for(lambda: self._closing or port.outputs, _AGAIN)
         self._reported = False

@@ -19,7 +19,7 @@ from rtf.applications.run import sysinfo
 from rtf.applications.run.access import RunAccess
 from rtf.applications.run.children import Child, Children
 from rtf.applications.run.errors import RunError, StartError
-from rtf.applications.run.output import LineSender, printable
+from rtf.applications.run.output import LINGER, LineSender, printable
 from rtf.applications.run.programs import make_launch, make_window
 from rtf.applications.run.protocol import (
     Ask,
@@ -61,8 +61,8 @@ _ENDINGS, _LAST = 256, 20
 _MOST_LINES = 4096
 #: Seconds in which the client that asked the node to end reads the answer.
 _FAREWELL = 1.0
-#: Seconds in which the last lines of programs are sent when the node has ended.
-_LAST_LINES = 2.0
+#: Seconds in which the last lines of programs are sent when the node has ended; a terminal may just be connecting.
+_LAST_LINES = LINGER + 3.0
 
 
 class _NodePort(RpcServer):

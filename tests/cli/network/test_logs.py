@@ -112,6 +112,7 @@ def test_both_commands_serve_the_page(net, tmp_path: Path):
 
 PROGRAM = """
 import logging, rtf.logs
+rtf.logs.forwarding._CLOSING = 30.0  # a busy machine may take longer than a program should wait at its end
 logging.getLogger().addHandler(rtf.logs.handler())
 logging.getLogger("lab.arm").warning("it is %s", "hot")
 """

@@ -162,7 +162,7 @@ class TestLooking:
         looking = net.start("top", "--once", "--interval", "0.5", "--tap", "/writer")
 
         def is_done() -> bool:
-            writer.type("1 2 3")
+            writer.type(*["1 2 3"] * 100)  # more than it sends at once: it works while this thread may not
             return looking.process.poll() is not None
 
         writer.until(is_done, "the end of top")

@@ -282,7 +282,7 @@ def test_no_caller_waits_for_an_answer_that_is_none(monkeypatch: pytest.MonkeyPa
     with rpc.ENDING, pytest.raises(BottleError):
         desk.serve()
     desk.close()
-    caller.join(2.0)
+    caller.join(10.0)
     assert not caller.is_alive()
 
 

@@ -88,6 +88,7 @@ def test_killed_and_restarted_under_load(program: Program, wait_until: Callable[
     threads = [threading.Thread(target=churn, args=(who,)) for who in range(3)]
     got: list[int] = []
     with contextlib.ExitStack() as stack:
+        stack.callback(stop.set)  # also if something fails
         readers = [
             stack.enter_context(Port(f"/reader/{index}", lambda delivery: got.append(1), network=network))
             for index in range(20)
@@ -184,7 +185,7 @@ def test_an_announcement_that_fails_while_its_name_is_restored(nothing_left: Non
     keeper = RegistrationKeeper(lambda _: contact if restored else None, restore, 0.01)
     keeper.keep(Record(contact))
     with contextlib.closing(keeper):
-        wait_until(lambda: restored == [False, True], "it is not announced", 2.0)
+        wait_until(lambda: restored == [False, True], "it is not announced")
 
 
 def test_a_name_that_comes_while_the_keeper_is_closed(nothing_left: None, wait_until: Callable[..., None]):
@@ -204,7 +205,7 @@ def test_a_name_that_comes_while_the_keeper_is_closed(nothing_left: None, wait_u
     wait_until(lambda: not keeper._records, "it does not close")
     keeper.keep(Record(Contact("/b", "127.0.0.1", 20001)))
     may_answer.set()
-    closer.join(2)
+    closer.join(10)
     ended = not closer.is_alive()
     keeper.close()
     assert ended

@@ -60,7 +60,7 @@ class Robot:
         server = ControlBoardServer(device, "/fake", network=network)
         stack.callback(server.close)
         stack.callback(PeriodicPublishing(server, name="states", report=print).stop)
-        self.board = stack.enter_context(connect("/fake", network=network))
+        self.board = stack.enter_context(connect("/fake", network=network, timeout=10.0))
         eventually(self._has_state, "no state arrives")
         self.said: list[str] = []
         self.may_move = True
@@ -80,7 +80,7 @@ class Robot:
 
     def stops(self) -> None:
         """Wait for the end of the move."""
-        eventually(self.board.motion_done, "it goes on", 5.0)
+        eventually(self.board.motion_done, "it goes on")
 
 
 @pytest.fixture
@@ -112,7 +112,7 @@ def test_a_test_that_is_killed_or_stopped_leaves_the_robot_stopped(
     os.kill(watching.pid, end)
     robot.stops()
     why = "did not watch" if end is signal.SIGSTOP else "has died"
-    eventually(lambda: robot.said, "it is not reported", 5.0)
+    eventually(lambda: robot.said, "it is not reported")
     assert [why in line for line in robot.said] == [True]
     assert "joint0, joint1, joint2 stopped" in robot.said[0]
 
@@ -123,7 +123,7 @@ def test_a_test_that_watches_again_is_notified(robot: Robot):
     assert [heard.silence() for heard in heartbeats(robot.folder, "fake")] == [0.0]
     assert beating.beat() == ""
     robot.stops()
-    deadline = clock.Deadline.after(5.0)
+    deadline = clock.Deadline.after(10.0)
     while not (answer := beating.beat()):
         assert not deadline.expired
     assert answer == f"the robot was stopped: the guard of the test did not watch for {SILENCE:g} s"
@@ -139,7 +139,7 @@ def test_a_guard_that_was_stopped_for_fails_its_test(robot: Robot):
     robot.stops()
 
     def watch_on() -> None:
-        deadline = clock.Deadline.after(5.0)
+        deadline = clock.Deadline.after(10.0)
         while not deadline.expired:
             guard.watch()
 
@@ -150,6 +150,7 @@ def test_a_guard_that_was_stopped_for_fails_its_test(robot: Robot):
 
 def test_a_test_that_has_ended_properly_stops_nothing(robot: Robot):
     """What goes on then was restored by its guard."""
+    robot.supervisor.close()  # which looks now, and not while this thread is late
     beating = Heartbeat("fake")
     beating.beat()
     beating.close()
@@ -158,9 +159,10 @@ def test_a_test_that_has_ended_properly_stops_nothing(robot: Robot):
     assert not robot.board.motion_done()
 
 
-def test_a_robot_that_may_not_move_is_left_alone(robot: Robot, watching: subprocess.Popen[str]):
+def test_a_robot_that_may_not_move_is_left_alone(robot: Robot, request: pytest.FixtureRequest):
     """No command is sent to a real robot without permission."""
     robot.may_move = False
+    watching: subprocess.Popen[str] = request.getfixturevalue("watching")
     watching.kill()
     watching.wait()
     robot.supervisor.check()
@@ -177,7 +179,7 @@ def test_a_test_of_another_robot_is_no_matter(robot: Robot, watching: subprocess
     other.check()
     other.close()
     robot.stops()
-    eventually(lambda: robot.said, "it is not reported", 5.0)
+    eventually(lambda: robot.said, "it is not reported")
 
 
 def test_a_heartbeat_that_begins_is_never_an_orphan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -236,9 +238,9 @@ def test_a_move_that_begins_while_the_test_is_silent_is_stopped(robot: Robot, mo
     monkeypatch.setattr(robot.guard, "going", look)
     beating = Heartbeat("fake")
     beating.beat()
-    assert rested.wait(5.0)
+    assert rested.wait(10.0)
     robot.board.position_move([90.0] * 3)
-    eventually(lambda: robot.said, "the move is not stopped", 5.0)
+    eventually(lambda: robot.said, "the move is not stopped")
     robot.stops()
     beating.close()
     assert ["did not watch" in line for line in robot.said] == [True]
