@@ -37,15 +37,21 @@ class _Raw:
 
 
 class _Ear(Port):
-    """A port that digests each message with its envelope."""
+    """A port that digests each message of a source with its envelope.
+
+    Others may come: the number of the port may have been that of a name server, for which somebody still looks.
+    """
 
     def __init__(self, source: str, network: Network) -> None:
+        self._source = source
         self.heard = 0
         self.digest = hashlib.sha256()
         super().__init__(f"/ear{source}", self._hear, network=network, outputs=False)
         connect(network, Contact.parse(source), Contact.parse(self.name))
 
     def _hear(self, delivery: Any) -> None:
+        if delivery.sender != self._source:
+            return
         self.heard += 1
         self.digest.update(str(delivery.envelope).encode() + b"\n" + delivery.read(_Raw()) + b"\n")
 
