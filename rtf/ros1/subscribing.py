@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rtf.errors import RtfError
 from rtf.middleware.carriers.stream import StreamClosedError, open_stream
+from rtf.middleware.carriers.uncaught import report_uncaught
 from rtf.middleware.wire.inbox import CHUNK
 from rtf.ros1.errors import MessageError, PeerError
 from rtf.ros1.master import call_node
@@ -78,8 +79,7 @@ class Subscription:
             try:
                 callback(message)
             except Exception as error:  # noqa: BLE001 - the connection goes on
-                details = type(error), error, error.__traceback__, threading.current_thread()
-                threading.excepthook(threading.ExceptHookArgs(details))
+                report_uncaught(error)
 
 
 class _Source:

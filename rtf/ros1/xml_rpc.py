@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, cast
 from urllib.parse import urlsplit
 from xml.parsers.expat import ExpatError, ParserCreate
 
+from rtf.middleware.carriers.uncaught import report_uncaught
 from rtf.ros1.errors import MasterError
 
 if TYPE_CHECKING:
@@ -96,8 +97,7 @@ class _HttpServer(ThreadingHTTPServer):
         """Report an error like that of any thread; a caller that has gone while it was answered is none."""
         error = sys.exc_info()[1]
         if error is not None and not isinstance(error, OSError):
-            details = type(error), error, error.__traceback__, threading.current_thread()
-            threading.excepthook(threading.ExceptHookArgs(details))
+            report_uncaught(error)
 
 
 class _Handler(BaseHTTPRequestHandler):

@@ -17,8 +17,8 @@ from rtf.middleware.ports.access import Access
 from rtf.middleware.ports.remote import exists
 from rtf.middleware.wire.contact import Contact
 from rtf.robot.boards.client import REQUESTS
+from rtf.robot.interface.network_program import say
 from rtf.robot.interface.signals import signal_listener
-from rtf.simulator.console import say
 from rtf.simulator.control_client import control_port
 from rtf.simulator.errors import RenderingError
 

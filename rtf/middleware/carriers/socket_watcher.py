@@ -9,6 +9,8 @@ import threading
 from functools import partial
 from typing import TYPE_CHECKING
 
+from rtf.middleware.carriers.uncaught import report_uncaught
+
 if TYPE_CHECKING:
     import socket
     from collections.abc import Callable
@@ -91,8 +93,7 @@ class SocketWatcher:
                     try:
                         ready()
                     except BaseException as error:  # noqa: BLE001 - reported like that of any thread; the loop continues
-                        details = type(error), error, error.__traceback__, threading.current_thread()
-                        threading.excepthook(threading.ExceptHookArgs(details))
+                        report_uncaught(error)
                 elif number == bell and self._is_done(bell):
                     return
 

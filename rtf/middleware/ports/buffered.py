@@ -8,6 +8,7 @@ from collections import deque
 from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 from rtf import clock
+from rtf.middleware.carriers.uncaught import report_uncaught
 from rtf.middleware.errors import PortClosedError, WaitTimeoutError
 from rtf.middleware.ports.port import Port
 from rtf.middleware.ports.sender import Sender
@@ -126,8 +127,7 @@ class BufferedPort(Port, Generic[T]):
                 try:
                     self._callback(received)
                 except Exception as error:  # noqa: BLE001 - reported like that of any thread; the next object is passed on
-                    details = type(error), error, error.__traceback__, threading.current_thread()
-                    threading.excepthook(threading.ExceptHookArgs(details))
+                    report_uncaught(error)
             with self._arrived:
                 self._arrived.wait_for(lambda: self._ended or not self.interrupted)
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from rtf import clock
 from rtf.errors import RtfError
 from rtf.robot.devices.can.bus_settings import GROUPS, BusSettings
+from rtf.robot.interface.network_program import say
 from rtf.robot.interface.signals import signal_listener
-from rtf.simulator.console import say
 from rtf.simulator.firmware.boards_on_buses import Firmware
 from rtf.simulator.firmware.bridge import Bridge
 from rtf.simulator.firmware.robot_files import robot_files

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from rtf import clock
 from rtf.robot.devices.can.frame_bits import frame_bits
 from rtf.robot.devices.can.interfaces import ECHOING, FILTERING, can, is_busy, open_interface
-from rtf.robot.devices.can.messages import Frame
+from rtf.robot.devices.can.messages import GREATEST_IDENTIFIER, Frame
 from rtf.robot.errors import BusError, DeviceError, RobotError
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     #: Called in the thread of the bus with a frame and its time (s, the robot's clock). It must not wait.
     Receiver = Callable[[Frame, float], None]
 
-_IDENTIFIERS = 0x800
+_IDENTIFIERS = GREATEST_IDENTIFIER + 1
 _BUS_OFF, _RESTARTED = 0x040, 0x100  # bits of error frames, from Linux' can/error.h, which python-can has everywhere
 #: Seconds that a thread waits for a frame at most, and while frames wait to be sent.
 _WAIT, _WAIT_TO_SEND = 0.02, 0.002
@@ -108,7 +108,7 @@ class CanBus:
         #: Called when all boards have been reset on purpose, as by the reset of a simulation.
         self.on_restart: list[Callable[[], None]] = []
         #: Of the interface's sending side, the queue and the receivers.
-        self.lock = self._lock = lock or threading.RLock()
+        self.lock = lock or threading.RLock()
         self._waiting: list[tuple[int, int, float, bytes]] = []  # a heap: identifier, number, deadline, data
         self._numbers = count()
         self._claims: dict[str, object] = {}
@@ -138,7 +138,7 @@ class CanBus:
 
         Raises DeviceError if another device has one of them.
         """
-        with self._lock:
+        with self.lock:
             taken = [one for one in what if self._claims.get(one, owner) is not owner]
             if taken:
                 raise DeviceError(f"another device has {taken[0]} on the CAN bus {self.name} already")
@@ -146,7 +146,7 @@ class CanBus:
 
     def disclaim(self, owner: object) -> None:
         """Give up what a device has reserved."""
-        with self._lock:
+        with self.lock:
             self._claims = {what: of for what, of in self._claims.items() if of is not owner}
 
     def close(self) -> None:
@@ -154,7 +154,7 @@ class CanBus:
         self._ended.set()
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join()
-        with self._lock:
+        with self.lock:
             self._waiting.clear()
             self._bus.shutdown()
 
@@ -173,12 +173,12 @@ class CanBus:
         entry = (receive, frozenset(range(_IDENTIFIERS) if identifiers is None else identifiers))
 
         def end() -> None:
-            with self._lock:
+            with self.lock:
                 if entry in self._subscribed:
                     self._subscribed.remove(entry)
                     self._fan_out()
 
-        with self._lock:
+        with self.lock:
             self._subscribed.append(entry)
             self._fan_out()
         return end
@@ -189,11 +189,11 @@ class CanBus:
         Return what ends that.
         """
         unsubscribe = self.subscribe(receive)
-        with self._lock:
+        with self.lock:
             self._watchers += (receive,)
 
         def end() -> None:
-            with self._lock:
+            with self.lock:
                 self._watchers = tuple(one for one in self._watchers if one is not receive)
             unsubscribe()
 
@@ -289,7 +289,7 @@ class CanBus:
         Raises BusError, and counts the frames that are not sent, if the bus is off or too many frames wait already.
         """
         ordered = sorted(frames, key=_identifier) if len(frames) > 1 else frames
-        with self._lock:
+        with self.lock:
             if self._transmit_all(ordered):
                 return
             for number, frame in enumerate(ordered):
@@ -361,7 +361,7 @@ class CanBus:
 
     def _flush(self) -> None:
         """Send what waits, and drop what has waited too long."""
-        with self._lock:
+        with self.lock:
             now = clock.current().now()
             late = [entry for entry in self._waiting if entry[2] < now]
             if late:
@@ -379,7 +379,7 @@ class CanBus:
     def _error_frame(self, bits: int) -> None:
         self.counters.error_frames += 1
         if bits & _BUS_OFF:
-            with self._lock:
+            with self.lock:
                 self.counters.bus_off += 1
                 self._lose("is off: too many errors of transmission; look at its wiring and termination")
         elif bits & _RESTARTED:
@@ -390,7 +390,7 @@ class CanBus:
         self.counters.read_errors += 1
         self._failures += 1
         if self._failures >= _LOST and not self._ended.is_set():
-            with self._lock:
+            with self.lock:
                 self._lose(f"cannot be read: {error}")
 
     def _lose(self, why: str) -> None:
@@ -407,7 +407,7 @@ class CanBus:
         if planned is None or not planned.expired:
             self._ended.wait(min(timeout, planned.remaining() if planned else 0.0))
             return False
-        with self._lock:
+        with self.lock:
             self._bus.shutdown()
             try:
                 self._bus = self._opener(self.settings)

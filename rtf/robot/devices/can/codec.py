@@ -6,7 +6,17 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rtf.robot.devices.can import motor_messages, sensor_messages
 from rtf.robot.devices.can.codes import FOC_BOARDS
-from rtf.robot.devices.can.messages import AXIS_BIT, EVERYONE, HOST, MAX_DATA, POLLING, Dialect, Message, MessageClass
+from rtf.robot.devices.can.messages import (
+    AXIS_BIT,
+    EVERYONE,
+    GREATEST_IDENTIFIER,
+    HOST,
+    MAX_DATA,
+    POLLING,
+    Dialect,
+    Message,
+    MessageClass,
+)
 from rtf.robot.errors import MessageError
 
 if TYPE_CHECKING:
@@ -16,7 +26,6 @@ if TYPE_CHECKING:
 MESSAGES: tuple[Message, ...] = (*motor_messages.MESSAGES, *sensor_messages.MESSAGES)
 _POLLED = frozenset(int(kind) for kind in POLLING)
 _MANAGEMENT = int(MessageClass.MANAGEMENT)
-_GREATEST_IDENTIFIER = 0x7FF
 
 
 def dialect_of(board: int) -> Dialect:
@@ -90,7 +99,7 @@ def decode(identifier: int, data: bytes, dialect: Dialect = Dialect.JOINT) -> De
     else:
         destination, reply, code = EVERYONE, False, low
     found = _TABLES[dialect].get(kind << 13 | reply << 12 | code << 4 | size)
-    if found is None or not 0 <= identifier <= _GREATEST_IDENTIFIER:
+    if found is None or not 0 <= identifier <= GREATEST_IDENTIFIER:
         raise MessageError(_unknown(identifier, data, code, dialect, reply=reply))
     message, unpack = found
     values = unpack(data)
@@ -100,7 +109,7 @@ def decode(identifier: int, data: bytes, dialect: Dialect = Dialect.JOINT) -> De
 def _unknown(identifier: int, data: bytes, code: int, dialect: Dialect, *, reply: bool) -> str:
     """Return why a frame is no message."""
     shown = f"the frame {identifier:03X}#{data.hex().upper()}"
-    if not 0 <= identifier <= _GREATEST_IDENTIFIER:
+    if not 0 <= identifier <= GREATEST_IDENTIFIER:
         return f"{shown} has an identifier of more than 11 bits"
     if len(data) > MAX_DATA:
         return f"{shown} has more than 8 bytes"

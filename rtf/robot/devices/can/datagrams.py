@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from rtf import clock
 from rtf.robot.devices.can.bus_settings import MULTICAST_PORT
 from rtf.robot.devices.can.interfaces import can
-from rtf.robot.devices.can.messages import Frame, make_frame
+from rtf.robot.devices.can.messages import GREATEST_IDENTIFIER, Frame, make_frame
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 _LOOPBACK = "127.0.0.1"
 #: A frame: its identifier, the number of its bytes, and these.
 _RECORD = struct.Struct("<HB8s")
-#: Identifiers have 11 bits. What is greater is no frame of ours.
-_IDENTIFIERS = 1 << 11
 #: Frames and bytes of a datagram at most, and bytes that wait to be read: half a second of ten full buses.
 _MOST, _LONGEST, _BUFFER = 100, 2048, 1 << 20
 
@@ -85,7 +83,7 @@ class DatagramBus(can.BusABC):
                         heard += [
                             (make_frame((number, text[:size])), now)
                             for number, size, text in _RECORD.iter_unpack(data)
-                            if number < _IDENTIFIERS
+                            if number <= GREATEST_IDENTIFIER
                         ]
         return heard
 

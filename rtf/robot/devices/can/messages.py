@@ -26,6 +26,8 @@ HOST, EVERYONE = 0, 15
 ADDRESSES = range(1, 15)
 #: The greatest number of data bytes of a frame.
 MAX_DATA = 8
+#: Of the eleven bits of an identifier.
+GREATEST_IDENTIFIER = 0x7FF
 #: The bit of a motor command that stands for the second axis of a board.
 AXIS_BIT = 0x80
 
